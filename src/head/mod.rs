@@ -1,0 +1,11 @@
+//! The head: triangles that block light, hide hair, and are lit softly.
+
+use glam::Vec3;
+
+/// A triangle mesh with one unit normal a vertex.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Head {
+    pub positions: Vec<Vec3>,
+    pub normals: Vec<Vec3>,
+    pub triangles: Vec<[u32; 3]>,
+}

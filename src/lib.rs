@@ -1,0 +1,11 @@
+//! Hairlight: real-time hair under environment lighting, after Xu et al. 2011,
+//! with its error against the exact quantity beside it.
+//!
+//! World: right-handed, y up. The rooms and the way of the data are in ARCHITECTURE.md.
+
+pub mod environment;
+pub mod hair;
+pub mod head;
+pub mod scattering;
+pub mod scene;
+pub mod srbf;
