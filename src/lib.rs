@@ -3,9 +3,16 @@
 //!
 //! World: right-handed, y up. The rooms and the way of the data are in ARCHITECTURE.md.
 
+pub mod capture;
+pub mod cli;
 pub mod environment;
+pub mod file;
+pub mod gpu;
 pub mod hair;
 pub mod head;
+pub mod image;
 pub mod scattering;
 pub mod scene;
 pub mod srbf;
+pub mod stats;
+pub mod transport;

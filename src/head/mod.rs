@@ -1,6 +1,13 @@
 //! The head: triangles that block light, hide hair, and are lit softly.
 
+pub mod builtin;
+mod obj;
+mod up;
+
 use glam::Vec3;
+
+pub use obj::{LoadedHead, load};
+pub use up::{Up, check_scale};
 
 /// A triangle mesh with one unit normal a vertex.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,6 +1,27 @@
 //! Spherical radial basis functions: the light that hair is lit by (Xu 2011, Eq 1).
+//!
+//! An environment becomes a few isotropic lobes L(ω) = Σ rgb_j exp(2(ω·ω_j − 1)/λ_j²). [`fit`]
+//! makes them, [`fit_cached`] remembers them, `lights.json` carries them.
 
+mod blurred_lobe;
+mod cache;
+mod dense;
+mod error;
+mod fit;
+mod harmonics;
+mod lights_json;
+
+use std::f64::consts::PI;
+
+use anyhow::{Result, ensure};
 use glam::DVec3;
+
+use crate::environment::{Environment, uv_to_direction};
+use harmonics::{Harmonics, band_of_blur};
+
+pub use cache::{cache_folder, fit_cached, fit_cached_in};
+pub use fit::{Fit, MAX_LIGHTS, fit};
+pub use lights_json::{from_json, to_json, write_json};
 
 /// One isotropic SRBF light: L(ω) = rgb · exp(2(ω·direction − 1)/lambda²).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,4 +32,84 @@ pub struct SrbfLight {
     pub lambda: f64,
     /// Peak radiance, linear RGB ≥ 0.
     pub rgb: [f64; 3],
+}
+
+impl SrbfLight {
+    /// ∫ L dω over the sphere, per channel: rgb · 2π(1 − e^(−2κ))/κ, κ = 2/λ². Exact for every λ.
+    pub fn energy(&self) -> [f64; 3] {
+        let integral = lobe_integral(self.lambda);
+        self.rgb.map(|v| v * integral)
+    }
+
+    /// Radiance of this light from direction ω (a unit vector), per channel.
+    pub fn radiance(&self, omega: DVec3) -> [f64; 3] {
+        // 1 − cos by the chord, which keeps its digits where the lobe is narrow.
+        let value =
+            (-(omega - self.direction).length_squared() / (self.lambda * self.lambda)).exp();
+        self.rgb.map(|v| v * value)
+    }
+}
+
+/// Radiance of all the lights from direction ω (a unit vector), linear RGB.
+pub fn radiance(lights: &[SrbfLight], omega: DVec3) -> [f64; 3] {
+    lights.iter().fold([0.0; 3], |sum, light| {
+        let radiance = light.radiance(omega);
+        std::array::from_fn(|c| sum[c] + radiance[c])
+    })
+}
+
+/// The lights as a lat-long map, for a look at what they hold.
+pub fn preview(lights: &[SrbfLight], width: usize, height: usize) -> Environment {
+    let pixels = pixel_directions(width, height)
+        .iter()
+        .map(|&omega| radiance(lights, omega).map(|v| v as f32))
+        .collect();
+    Environment {
+        width,
+        height,
+        pixels,
+    }
+}
+
+/// The map blurred by the lobe of bandwidth λ ≥ 0.02 scaled to unit integral, at the pixel centres
+/// of a new size; exact to 1e-9 of the map's peak (harmonics.rs).
+pub fn blur_map(
+    env: &Environment,
+    lambda: f64,
+    width: usize,
+    height: usize,
+) -> Result<Environment> {
+    ensure!(
+        lambda >= 0.02,
+        "cannot blur by λ = {lambda}: choose 0.02 or more"
+    );
+    let blurred = Harmonics::of_map(env, band_of_blur(lambda)).blurred(lambda);
+    let radiances = blurred.at(&pixel_directions(width, height));
+    // The cut-off series rings by 1e-9 about black.
+    let pixels = radiances
+        .iter()
+        .map(|rgb| rgb.map(|v| v.max(0.0) as f32))
+        .collect();
+    Ok(Environment {
+        width,
+        height,
+        pixels,
+    })
+}
+
+fn pixel_directions(width: usize, height: usize) -> Vec<DVec3> {
+    let centre = |i: usize, count: usize| (i as f64 + 0.5) / count as f64;
+    (0..width * height)
+        .map(|i| uv_to_direction([centre(i % width, width), centre(i / width, height)]))
+        .collect()
+}
+
+/// Sharpness κ = 2/λ² of the lobe exp(κ(t − 1)).
+fn sharpness(lambda: f64) -> f64 {
+    2.0 / (lambda * lambda)
+}
+
+/// ∫ exp(2(ω·ω_j − 1)/λ²) dω over the sphere.
+pub fn lobe_integral(lambda: f64) -> f64 {
+    -PI * lambda * lambda * (-4.0 / (lambda * lambda)).exp_m1()
 }

@@ -1,0 +1,45 @@
+// The fibre that a frame is shaded with, and the tables made from it on the CPU.
+// Twin: src/scattering/fibre.rs; layout: src/gpu/uniforms.rs.
+// Modes in the order R, TT, TRT. Angles in radians; bandwidths λ = √2·(standard deviation).
+
+struct Fibre {
+    alpha: vec3f,         // longitudinal shift α_t of θ_h
+    eta: f32,             // index of refraction
+    lambda: vec3f,        // bandwidth 2√2 β_t of M_t over θ_i
+    segments: u32,        // m of the quadrature over θ_i, ≥ 2
+    eta_star: vec2f,      // η*(φ_h) = x + y cos 2φ_h, Eq 24
+    eta_low: f32,         // η̄* of the fit table's first layer
+    eta_per_layer: f32,   // layers per unit of η̄*, 0 for a round fibre
+    eta_layers: u32,
+}
+
+@group(0) @binding(0) var<uniform> fibre: Fibre;
+// Eight 16-bit floats an entry. 𝒞_k and the half circle: src/scattering/tables.rs, CircleTable.
+@group(0) @binding(1) var<storage, read> circle_table: array<vec4u>;
+// Averages over θ, 𝒩^G over θ_d and φ, fits over η̄* and θ_d: AverageTable, GlobalTable, FitTable.
+@group(0) @binding(2) var<storage, read> fibre_table: array<vec4u>;
+
+// RGB for each mode.
+struct Modes {
+    r: vec3f,
+    tt: vec3f,
+    trt: vec3f,
+}
+
+// Four numbers of an entry.
+fn unpack(pair: vec2u) -> vec4f {
+    return vec4f(unpack2x16float(pair.x), unpack2x16float(pair.y));
+}
+
+// A place between two rows of a table: the index of the lower, and the part of the way to the next.
+struct Row {
+    first: u32,
+    f: f32,
+}
+
+// x in [0, 1] among `rows` rows.
+fn row_of(x: f32, rows: u32) -> Row {
+    let place = clamp(x, 0.0, 1.0) * f32(rows - 1u);
+    let first = min(u32(place), rows - 2u);
+    return Row(first, place - f32(first));
+}

@@ -1,0 +1,180 @@
+// The paper's method. Twin: src/scattering/xu.rs, which states units and deviations.
+// A method defines single_scattering, global_scattering, local_scattering_direct and
+// local_scattering_forward; nothing else calls into it.
+//
+// Way of the data: a light's lobe over θ_i times M_t is one Gaussian (product); walk_* places its
+// nodes; at each node the inner integral over φ is closed: R from circle_table, TT and TRT from the
+// fits in fibre_table, all of 𝒩^G from its table there.
+
+const AMPLITUDE_MIN: f32 = 1e-3;
+
+// ∫G_j S_t cosθ_i dω, Eq 11. φ = φ_o−φ_j in [−π, π]; cos_sum = cos(φ_o+φ_j).
+fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum: f32, lambda_j: f32) -> Modes {
+    var modes = Modes();
+    let kappa_j = concentration(lambda_j) * max(cos(theta_j), 0.0);
+    let column = circle_column(phi);
+
+    let r = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.x, fibre.lambda.x);
+    if r.amplitude >= AMPLITUDE_MIN {
+        var walk = walk_begin(r.mu, r.lambda, fibre.segments);
+        var sum = 0.0;
+        for (var k = 0u; k + 1u < fibre.segments; k++) {
+            let node = walk_next(&walk, k);
+            let kappa = kappa_j * max(cos(node.theta), 0.0);
+            let c = r_coefficients(fibre.eta, 0.5 * (theta_o - node.theta));
+            let inner = circle_reflection(kappa, column, c) * g_circular_integral(vec3f(kappa)).x;
+            sum += node.weight * projection(node.theta, theta_o) * inner;
+        }
+        modes.r = vec3f(sum * lobe_scale(r, fibre.lambda.x));
+    }
+
+    let tt = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.y, fibre.lambda.y);
+    if tt.amplitude >= AMPLITUDE_MIN {
+        var walk = walk_begin(tt.mu, tt.lambda, fibre.segments);
+        var sum = vec3f();
+        let cos2 = vec3f(column.cos_half * column.cos_half);
+        for (var k = 0u; k + 1u < fibre.segments; k++) {
+            let node = walk_next(&walk, k);
+            let kappa = kappa_j * max(cos(node.theta), 0.0);
+            let fit = fit_tt(0.5 * (theta_o - node.theta));
+            let inner = fit.b * g_circular_product(cos2, kappa, fit.kappa);
+            sum += node.weight * projection(node.theta, theta_o) * inner;
+        }
+        modes.tt = sum * lobe_scale(tt, fibre.lambda.y);
+    }
+
+    let trt = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.z, fibre.lambda.z);
+    if trt.amplitude >= AMPLITUDE_MIN {
+        var walk = walk_begin(trt.mu, trt.lambda, fibre.segments);
+        var sum = vec3f();
+        for (var k = 0u; k + 1u < fibre.segments; k++) {
+            let node = walk_next(&walk, k);
+            let kappa = kappa_j * max(cos(node.theta), 0.0);
+            var mean_cos = 0.0;
+            if fibre.eta_layers > 1u {
+                mean_cos = cos_sum * circle_mean_cosine(kappa);
+            }
+            let fit = fit_trt(fibre, 0.5 * (theta_o - node.theta), mean_cos);
+            let half_sine = sin(0.5 * (phi + vec3f(-fit.phi_star, fit.phi_star, 0.0)));
+            let lobes = g_circular_product(half_sine * half_sine, kappa, fit.kappa);
+            let inner = fit.b_1 * (lobes.x + lobes.y) + fit.b_2 * lobes.z;
+            sum += node.weight * projection(node.theta, theta_o) * inner;
+        }
+        modes.trt = sum * lobe_scale(trt, fibre.lambda.z);
+    }
+    return modes;
+}
+
+// 𝓜_t^G, Eq 27 and 28, per unit of forward-scattered radiance integrated over direction (for an SRBF
+// multiply by srbf_integral). σ_f is a bandwidth of θ.
+fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f: f32) -> Modes {
+    var modes = Modes();
+    let spread = min(sigma_f, SPREAD_MAX);
+    let scale = 1.0 / (SQRT_PI * spread * spread_normaliser(theta_j, spread));
+    let column = row_of(abs(phi) / PI, GLOBAL_COLUMNS);
+
+    let r = mode_lobe(theta_o, theta_j, spread, fibre.alpha.x, fibre.lambda.x);
+    if r.amplitude >= AMPLITUDE_MIN {
+        var walk = walk_begin(r.mu, r.lambda, fibre.segments);
+        var sum = 0.0;
+        for (var k = 0u; k + 1u < fibre.segments; k++) {
+            let node = walk_next(&walk, k);
+            let inner = global_r_tt(0.5 * (theta_o - node.theta), column).x;
+            sum += node.weight * projection(node.theta, theta_o) * inner;
+        }
+        modes.r = vec3f(scale * sum * lobe_scale(r, fibre.lambda.x));
+    }
+
+    let tt = mode_lobe(theta_o, theta_j, spread, fibre.alpha.y, fibre.lambda.y);
+    if tt.amplitude >= AMPLITUDE_MIN {
+        var walk = walk_begin(tt.mu, tt.lambda, fibre.segments);
+        var sum = vec3f();
+        for (var k = 0u; k + 1u < fibre.segments; k++) {
+            let node = walk_next(&walk, k);
+            let inner = global_r_tt(0.5 * (theta_o - node.theta), column).yzw;
+            sum += node.weight * projection(node.theta, theta_o) * inner;
+        }
+        modes.tt = scale * sum * lobe_scale(tt, fibre.lambda.y);
+    }
+
+    let trt = mode_lobe(theta_o, theta_j, spread, fibre.alpha.z, fibre.lambda.z);
+    if trt.amplitude >= AMPLITUDE_MIN {
+        var walk = walk_begin(trt.mu, trt.lambda, fibre.segments);
+        var sum = vec3f();
+        for (var k = 0u; k + 1u < fibre.segments; k++) {
+            let node = walk_next(&walk, k);
+            let inner = global_trt(0.5 * (theta_o - node.theta), column);
+            sum += node.weight * projection(node.theta, theta_o) * inner;
+        }
+        modes.trt = scale * sum * lobe_scale(trt, fibre.lambda.z);
+    }
+    return modes;
+}
+
+// ∫G_j S_back cosθ_i dω: light that reached this strand directly and comes back from those behind.
+fn local_scattering_direct(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, lambda_j: f32) -> vec3f {
+    let lobe = back_lobe(theta_o, theta_j, lambda_j);
+    if lobe.gaussian.amplitude < AMPLITUDE_MIN {
+        return vec3f();
+    }
+    let kappa_j = concentration(lambda_j) * max(cos(theta_j), 0.0);
+    let column = circle_column(phi);
+    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, fibre.segments);
+    var sum = vec3f();
+    for (var k = 0u; k + 1u < fibre.segments; k++) {
+        let node = walk_next(&walk, k);
+        let kappa = kappa_j * max(cos(node.theta), 0.0);
+        let azimuth = g_circular_integral(vec3f(kappa)).x * circle_half(kappa, column);
+        sum += azimuth * back_node(node, theta_o);
+    }
+    return sum / PI * lobe_scale(lobe.gaussian, lobe.sigma_b);
+}
+
+// 𝓜^L, Eq 29: the same for light that came forward through other strands; units as in
+// global_scattering.
+fn local_scattering_forward(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f: f32) -> vec3f {
+    let spread = min(sigma_f, SPREAD_MAX);
+    let lobe = back_lobe(theta_o, theta_j, spread);
+    if lobe.gaussian.amplitude < AMPLITUDE_MIN {
+        return vec3f();
+    }
+    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, fibre.segments);
+    var sum = vec3f();
+    for (var k = 0u; k + 1u < fibre.segments; k++) {
+        let node = walk_next(&walk, k);
+        sum += back_node(node, theta_o);
+    }
+    let azimuth = (PI - abs(phi)) / (PI * PI);
+    let scale = azimuth / (SQRT_PI * spread * spread_normaliser(theta_j, spread));
+    return scale * sum * lobe_scale(lobe.gaussian, lobe.sigma_b);
+}
+
+// The light's Gaussian of bandwidth `width` times M_t's.
+fn mode_lobe(theta_o: f32, theta_j: f32, width: f32, alpha: f32, lambda_m: f32) -> Product {
+    return product(theta_j, width, 2.0 * alpha - theta_o, lambda_m);
+}
+
+// The factor of the walk's sum: the product's amplitude over the area of the unit Gaussian in it.
+fn lobe_scale(lobe: Product, lambda_m: f32) -> f32 {
+    return lobe.amplitude / (SQRT_PI * lambda_m);
+}
+
+// The light's Gaussian times S_back's, with Δ̄_b and σ̄_b averaged over the light (Eq 31).
+struct BackLobe {
+    gaussian: Product,
+    sigma_b: f32,
+}
+
+fn back_lobe(theta_o: f32, theta_j: f32, width: f32) -> BackLobe {
+    let low = average_back_lobe(0.5 * (clamp(theta_j - width, -HALF_PI, HALF_PI) - theta_o));
+    let middle = average_back_lobe(0.5 * (theta_j - theta_o));
+    let high = average_back_lobe(0.5 * (clamp(theta_j + width, -HALF_PI, HALF_PI) - theta_o));
+    let mean = (low + 4.0 * middle + high) / 6.0;
+    return BackLobe(product(theta_j, width, mean.x - theta_o, mean.y), mean.y);
+}
+
+// weight · cos²θ_i/cos²θ_d · Ā_b at a node.
+fn back_node(node: Node, theta_o: f32) -> vec3f {
+    let theta = 0.5 * (node.theta - theta_o);
+    return node.weight * projection(node.theta, theta_o) * average_A_b(average_row(theta));
+}

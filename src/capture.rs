@@ -1,0 +1,382 @@
+//! Capture: a scene in, frames and figures out.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::{Result, bail};
+use glam::{DMat3, DVec3, Vec3};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::environment::{self, Environment};
+use crate::gpu::Gpu;
+use crate::gpu::frame::{Background, Camera, FibreData, Frame, Parts, Renderer};
+use crate::gpu::uniforms::FibreUniform;
+use crate::hair::groom::GroomOptions;
+use crate::hair::{self, Hair, LoadOptions, LoadedHair};
+use crate::head::{self, Head};
+use crate::image::{luminance, write_frame};
+use crate::scattering::azimuthal::Energy;
+use crate::scattering::{tables, xu};
+use crate::scene::{self, Scattering, Scene};
+use crate::srbf::{self, SrbfLight};
+use crate::stats::{
+    Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing, TransportFigures,
+};
+use crate::transport::rays::RealStrands;
+use crate::transport::volume::Volume;
+use crate::transport::{self, Occluders};
+
+/// Diffuse reflectance of the head: warm clay.
+const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
+/// Automatic exposure brings the environment's mean luminance here.
+const EXPOSED_MEAN: f32 = 0.7;
+/// Pairs of a point and a light that `--verify` casts rays for.
+const VERIFIED_PAIRS: usize = 4096;
+
+/// What is asked of a capture beside its scene.
+pub struct CaptureOptions {
+    /// Measure transmittance against rays through the real strands.
+    pub verify: bool,
+    /// No progress and no notes on stderr.
+    pub quiet: bool,
+    /// Set to stop; the capture then fails with "cancelled" and leaves no file half written.
+    pub cancelled: &'static AtomicBool,
+}
+
+/// Renders the scene's frame, or its turntable, and writes what its output asks for.
+pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
+    let mut clock = Clock::new(options);
+    let outputs = Outputs::new(scene)?;
+    let LoadedHair { hair, mended, assumed, .. } = load_hair(scene)?;
+    let head = load_head(scene)?;
+    let diameter = match scene.fibre.diameter {
+        0.0 => {
+            let fitted = hair::fibre_diameter(&hair);
+            clock.note(&format!("fibre diameter {:.3e}: {}", fitted.diameter, fitted.reason));
+            fitted.diameter
+        }
+        given => given as f32,
+    };
+    assumed.iter().chain(&mended.notes).for_each(|line| clock.note(line));
+    let diameters: Vec<f32> = hair::width_profile(&hair).iter().map(|w| w * diameter).collect();
+    let (center, radius) = hair.center_radius();
+    clock.step("geometry")?;
+
+    let map = environment::load(&scene.environment.source)?;
+    if map.mended.any() {
+        clock.note(&format!("{}: {}", scene.environment.source, map.mended));
+    }
+    clock.step("environment")?;
+
+    // Inputs come first: what is wrong with them is said on a machine without an adapter too.
+    let gpu = Gpu::new(&scene.render.adapter)?;
+    let adapter = Adapter {
+        name: gpu.info.name.clone(),
+        backend: gpu.info.backend.to_string(),
+        device_type: format!("{:?}", gpu.info.device_type),
+    };
+    clock.step("adapter")?;
+
+    let count = scene.environment.lights as usize;
+    let bar = clock.bar("fitting lights");
+    let fit = srbf::fit_cached(&map.environment, count, &|done| {
+        bar.set_position((f64::from(done) * 1000.0) as u64);
+        !clock.cancelled()
+    })?;
+    bar.finish_and_clear();
+    clock.step("fit")?;
+
+    let lights = place_lights(&fit.lights, scene);
+    let volume = density(&hair, &diameters, center, radius);
+    let occluders = Occluders { volume: &volume, head: head.as_ref() };
+    let bar = clock.bar("light transport");
+    let reach = transport::all(&occluders, &lights, &hair.points, &|| {
+        bar.inc((1000 / lights.len().max(1)) as u64);
+        !clock.cancelled()
+    });
+    bar.finish_and_clear();
+    let Some(reach) = reach else { bail!("cancelled") };
+    clock.step("transport")?;
+
+    let fibre = scene.fibre.resolve();
+    let segments = scene.render.segments;
+    let tables = tables::build();
+    let fibre = FibreData {
+        uniform: FibreUniform::new(&fibre, segments),
+        circle_table: tables.to_gpu(),
+        fibre_table: xu::fibre_table(&fibre, segments, Energy::Quadrature, &tables),
+    };
+    let mut renderer = Renderer::new(gpu, &fibre, &hair, &diameters, head.as_ref(), center)?;
+    renderer.set_lights(&lights, &reach);
+    if let Some(head) = &head {
+        let irradiance = occluders.head_irradiance(head, &lights);
+        let radiance: Vec<Vec3> =
+            irradiance.iter().map(|e| *e * HEAD_ALBEDO / std::f32::consts::PI).collect();
+        renderer.set_head_radiance(&radiance);
+    }
+    let gain = 2f64.powf(scene.environment.exposure) as f32;
+    renderer.set_environment(&map.environment, scene.environment.rotation_deg.to_radians() as f32, gain);
+    clock.step("upload")?;
+    let setup_ms = clock.total_ms();
+
+    let scale = exposure_scale(scene, &map.environment);
+    let [width, height] = scene.output.size;
+    let aspect = f64::from(width) / f64::from(height);
+    let camera = scene.camera.resolve(center, radius, aspect)?;
+    let mut last = None;
+    let bar = clock.bar("frames");
+    for (index, path) in outputs.frames.iter().enumerate() {
+        let started = Instant::now();
+        let view = relative(&camera.turned(360.0 * index as f64 / outputs.frames.len() as f64), center);
+        let frame = renderer.render(
+            &view,
+            scene.output.size,
+            scene.render.samples,
+            background(scene),
+            parts(scene.render.scattering),
+        )?;
+        let frame_ms = 1e3 * started.elapsed().as_secs_f64();
+        if clock.cancelled() {
+            bail!("cancelled");
+        }
+        write_frame(path, &frame, scale)?;
+        bar.set_position((1000 * (index + 1) / outputs.frames.len()) as u64);
+        last = Some((frame, frame_ms));
+    }
+    bar.finish_and_clear();
+    let Some((frame, frame_ms)) = last else { bail!("no frame was asked for") };
+
+    let figures = ImageFigures::of(&frame, scale);
+    if figures.non_finite_pixels > 0 {
+        bail!(
+            "{} pixels came out NaN or infinite: this is a fault of Hairlight; please report the scene",
+            figures.non_finite_pixels
+        );
+    }
+    let mean_abs_delta_t = options.verify.then(|| {
+        let strands = RealStrands::new(&hair, &diameters, head.as_ref());
+        strands.mean_abs_delta_t(&frame.shaded, &lights, &reach, VERIFIED_PAIRS)
+    });
+    if let Some(error) = mean_abs_delta_t {
+        clock.note(&format!("mean |ΔT̃| over shaded points and all lights: {error:.4}"));
+    }
+    clock.note(&format!(
+        "{}: {} of {} points shaded in {frame_ms:.0} ms on {}, set up in {setup_ms:.0} ms",
+        outputs.frames.last().map_or(Path::new(""), |p| p).display(),
+        frame.shaded.len(),
+        hair.points.len(),
+        adapter.name,
+    ));
+    let Some(path) = &outputs.stats else { return Ok(()) };
+    let mut passes = clock.steps.clone();
+    let Frame { passes: timed, shaded, .. } = frame;
+    if timed.is_empty() {
+        passes.insert("frame", frame_ms);
+    }
+    passes.extend(timed);
+    let stats = Stats {
+        adapter,
+        hair: HairCounts {
+            strands: hair.strand_count(),
+            points: hair.points.len(),
+            points_shaded: shaded.len(),
+            mended: mended.mended,
+            dropped: mended.dropped,
+            fibre_diameter: diameter,
+        },
+        environment: EnvironmentCounts {
+            width: map.environment.width,
+            height: map.environment.height,
+            mended_nan: map.mended.nan,
+            mended_inf: map.mended.inf,
+            mended_negative: map.mended.negative,
+        },
+        fit: FitFigures {
+            lights: fit.lights.len(),
+            relative_l2: fit.relative_l2,
+            relative_l2_blurred_0_15: fit.relative_l2_blurred_0_15,
+            relative_l2_blurred_0_30: fit.relative_l2_blurred_0_30,
+            energy_ratio: fit.energy_ratio,
+            seconds: fit.seconds,
+            cached: fit.cached,
+        },
+        transport: TransportFigures { mean_abs_delta_t },
+        timing: Timing { frame_ms, setup_ms, total_ms: clock.total_ms(), passes },
+        memory: Memory::now(),
+        image: figures,
+    };
+    stats.write(path)
+}
+
+/// The files to write, checked before any work is done.
+struct Outputs {
+    frames: Vec<PathBuf>,
+    stats: Option<PathBuf>,
+}
+
+impl Outputs {
+    fn new(scene: &Scene) -> Result<Outputs> {
+        let path = PathBuf::from(&scene.output.path);
+        let frames = match scene.output.turntable {
+            0 => vec![path],
+            n => (0..n).map(|i| numbered(&path, i, n)).collect(),
+        };
+        let stats = scene.output.stats.as_ref().map(PathBuf::from);
+        for path in frames.first().into_iter().chain(&stats) {
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+            if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+                bail!("{}: the folder {} is not there: make it first", path.display(), folder.display());
+            }
+        }
+        if let Some(path) = frames.first() {
+            crate::image::Format::of(path)?;
+        }
+        Ok(Outputs { frames, stats })
+    }
+}
+
+/// `frame.png` to `frame.0007.png`, with as many digits as `count` needs, at least four.
+fn numbered(path: &Path, index: u32, count: u32) -> PathBuf {
+    let digits = count.to_string().len().max(4);
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}.{index:0digits$}.{extension}"))
+}
+
+/// Wall times of the set-up, progress and notes.
+struct Clock<'a> {
+    options: &'a CaptureOptions,
+    begun: Instant,
+    last: Instant,
+    steps: BTreeMap<&'static str, f64>,
+}
+
+impl Clock<'_> {
+    fn new(options: &CaptureOptions) -> Clock<'_> {
+        let now = Instant::now();
+        Clock { options, begun: now, last: now, steps: BTreeMap::new() }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.options.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Ends a step of the set-up.
+    fn step(&mut self, name: &'static str) -> Result<()> {
+        self.steps.insert(name, 1e3 * self.last.elapsed().as_secs_f64());
+        self.last = Instant::now();
+        if self.cancelled() {
+            bail!("cancelled");
+        }
+        Ok(())
+    }
+
+    fn total_ms(&self) -> f64 {
+        1e3 * self.begun.elapsed().as_secs_f64()
+    }
+
+    fn note(&self, line: &str) {
+        if !self.options.quiet {
+            eprintln!("{line}");
+        }
+    }
+
+    /// A bar of 1000 steps; indicatif hides it where stderr is no terminal.
+    fn bar(&self, what: &'static str) -> ProgressBar {
+        if self.options.quiet {
+            return ProgressBar::hidden();
+        }
+        let bar = ProgressBar::new(1000);
+        if let Ok(style) = ProgressStyle::with_template("{msg:16} {bar:40} {percent} %") {
+            bar.set_style(style);
+        }
+        bar.set_message(what);
+        bar
+    }
+}
+
+fn load_hair(scene: &Scene) -> Result<LoadedHair> {
+    let spec = &scene.hair;
+    let groom = GroomOptions {
+        strands: spec.strands as usize,
+        seed: u64::from(spec.seed),
+        length: spec.length as f32,
+        curl: spec.curl as f32,
+        clump: spec.clump.map(|v| v as f32),
+        flyaway: spec.flyaway.map(|v| v as f32),
+    };
+    hair::load(&spec.source, &LoadOptions { up: spec.up, scale: spec.scale as f32, groom })
+}
+
+fn load_head(scene: &Scene) -> Result<Option<Head>> {
+    let source = scene.head_source();
+    source
+        .map(|source| Ok(head::load(source, scene.hair.up, scene.hair.scale as f32)?.head))
+        .transpose()
+}
+
+/// The fit's lights in the world: turned by the environment's rotation, with its exposure.
+fn place_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
+    let turn = DMat3::from_rotation_y(scene.environment.rotation_deg.to_radians());
+    let gain = 2f64.powf(scene.environment.exposure);
+    lights
+        .iter()
+        .filter(|light| light.rgb.iter().any(|&c| c > 0.0))
+        .map(|light| SrbfLight {
+            direction: (turn * light.direction).normalize(),
+            rgb: light.rgb.map(|c| c * gain),
+            ..*light
+        })
+        .collect()
+}
+
+/// The density volume over the hair, strays beyond the fitted radius left out.
+fn density(hair: &Hair, diameters: &[f32], center: Vec3, radius: f32) -> Volume {
+    let (low, high) = hair.bounds();
+    let (low, high) = (low.max(center - radius), high.min(center + radius));
+    let segments = hair.strands().flat_map(|range| {
+        range.clone().skip(1).map(|i| (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i])))
+    });
+    Volume::build(segments, low, high, transport::RESOLUTION)
+}
+
+fn relative(camera: &scene::Camera, center: Vec3) -> Camera {
+    let place = |p: DVec3| (p - center.as_dvec3()).as_vec3();
+    Camera {
+        eye: place(camera.position),
+        target: place(camera.target),
+        up: camera.up.as_vec3(),
+        fov_rad: camera.fov_deg.to_radians() as f32,
+    }
+}
+
+fn background(scene: &Scene) -> Background {
+    match scene.output.background {
+        scene::Background::Environment => Background::Environment,
+        scene::Background::Transparent => Background::Transparent,
+        scene::Background::Color(rgb) => Background::Color(rgb.map(|c| c as f32)),
+    }
+}
+
+fn parts(scattering: Scattering) -> Parts {
+    let all = scattering == Scattering::Both;
+    Parts {
+        single: all || scattering == Scattering::Single,
+        global: all || scattering == Scattering::Global,
+        local: all || scattering == Scattering::Local,
+    }
+}
+
+/// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings the map's
+/// mean luminance to a fixed level, before the environment's own exposure, which so keeps its effect.
+fn exposure_scale(scene: &Scene, map: &Environment) -> f32 {
+    match scene.output.exposure {
+        Some(stops) => 2f64.powf(stops) as f32,
+        None => {
+            let mean = luminance(map.mean_radiance().map(|c| c as f32));
+            if mean > 0.0 { EXPOSED_MEAN / mean } else { 1.0 }
+        }
+    }
+}

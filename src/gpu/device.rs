@@ -1,0 +1,93 @@
+//! Adapter and device: a GPU where there is one, else the CPU through lavapipe.
+
+use anyhow::{Context, Result, bail};
+
+/// An open device. It asks for wgpu's default limits and no optional feature but timestamps.
+pub struct Gpu {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub info: wgpu::AdapterInfo,
+}
+
+const INSTALL: &str = "install a Vulkan driver (on Debian and Ubuntu the CPU one is \
+                       `apt-get install -y mesa-vulkan-drivers`)";
+
+impl Gpu {
+    /// Opens an adapter: `auto` prefers discrete, then integrated, then virtual, then CPU;
+    /// `cpu` takes the CPU's; anything else is part of the adapter's name, in any case.
+    pub fn new(adapter: &str) -> Result<Gpu> {
+        pollster::block_on(Self::open(adapter))
+    }
+
+    async fn open(wanted: &str) -> Result<Gpu> {
+        let instance =
+            wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let mut adapters = instance.enumerate_adapters(wgpu::Backends::all()).await;
+        if adapters.is_empty() {
+            bail!("no graphics adapter found: {INSTALL}");
+        }
+        adapters.sort_by_key(|a| preference(a.get_info().device_type));
+        let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
+        let chosen = adapters.into_iter().find(|a| {
+            let info = a.get_info();
+            match wanted {
+                "auto" => true,
+                "cpu" => info.device_type == wgpu::DeviceType::Cpu,
+                name => info.name.to_lowercase().contains(&name.to_lowercase()),
+            }
+        });
+        let Some(adapter) = chosen else {
+            let remedy = if wanted == "cpu" { INSTALL } else { "choose one of them" };
+            bail!("no adapter matches `{wanted}`; here are: {}; {remedy}", names.join(", "));
+        };
+        let info = adapter.get_info();
+        let (device, queue) = adapter
+            .request_device(&wgpu::DeviceDescriptor {
+                label: Some("hairlight"),
+                required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+                required_limits: wgpu::Limits::default(),
+                ..Default::default()
+            })
+            .await
+            .with_context(|| {
+                format!("adapter `{}` cannot open a device with default limits", info.name)
+            })?;
+        Ok(Gpu { device, queue, info })
+    }
+
+    /// Waits until all submitted work is done.
+    pub fn wait(&self) -> Result<()> {
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .context("the graphics device was lost")?;
+        Ok(())
+    }
+
+    /// Reads a whole buffer back; it needs `COPY_SRC`.
+    pub fn read<T: bytemuck::AnyBitPattern>(&self, buffer: &wgpu::Buffer) -> Result<Vec<T>> {
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read-back"),
+            size: buffer.size(),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
+        self.queue.submit([encoder.finish()]);
+        staging.slice(..).map_async(wgpu::MapMode::Read, |_| {});
+        self.wait()?;
+        let view = staging.slice(..).get_mapped_range().context("a buffer could not be read back")?;
+        Ok(bytemuck::cast_slice(&view).to_vec())
+    }
+}
+
+/// Lower is better.
+fn preference(kind: wgpu::DeviceType) -> u8 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}

@@ -1,0 +1,789 @@
+//! One frame: visibility → needed points → shading → resolve, pass by pass, and the background.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Result, ensure};
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat4, Vec2, Vec3, Vec4};
+use wgpu::util::DeviceExt as _;
+
+use super::timer::PassTimer;
+use super::uniforms::FibreUniform;
+use super::{Gpu, shaders};
+use crate::environment::Environment;
+use crate::hair::Hair;
+use crate::head::Head;
+use crate::srbf::{SrbfLight, lobe_integral};
+
+/// The multisampling that every WebGPU adapter has.
+const SAMPLES_PER_TEXEL: u32 = 4;
+const VISIBILITY: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Uint;
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// A straight piece of a ribbon may leave its curve by this much.
+const CURVE_TOLERANCE_PX: f32 = 0.15;
+const MAX_PIECES: u32 = 8;
+
+/// A pinhole camera, y up.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    /// Relative to the geometry's centre, as all positions here.
+    pub eye: Vec3,
+    pub target: Vec3,
+    pub up: Vec3,
+    /// Vertical.
+    pub fov_rad: f32,
+}
+
+/// What stands behind the hair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    Environment,
+    /// Linear RGB radiance.
+    Color([f32; 3]),
+    Transparent,
+}
+
+/// Which parts of the scattering to sum.
+#[derive(Clone, Copy, Debug)]
+pub struct Parts {
+    pub single: bool,
+    pub global: bool,
+    pub local: bool,
+}
+
+/// A frame in linear radiance.
+pub struct Frame {
+    pub size: [u32; 2],
+    /// Premultiplied RGB and alpha, row-major from the top.
+    pub pixels: Vec<[f32; 4]>,
+    /// Share of each pixel that hair covers.
+    pub hair_coverage: Vec<f32>,
+    /// Strand points that were shaded, in the order they were found.
+    pub shaded: Vec<u32>,
+    /// GPU milliseconds by pass; empty where the adapter has no timestamps.
+    pub passes: BTreeMap<&'static str, f64>,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ViewUniform {
+    clip_from_pos: Mat4,
+    eye: Vec3,
+    pieces: u32,
+    right: Vec3,
+    background: u32,
+    up: Vec3,
+    environment_rotation_rad: f32,
+    forward: Vec3,
+    environment_scale: f32,
+    background_rgb: Vec3,
+    share: f32,
+    size: [u32; 2],
+    grid: u32,
+    pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct LightEntry {
+    direction: Vec3,
+    lambda: f32,
+    rgb: Vec3,
+    energy: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ShadingUniform {
+    eye: Vec3,
+    parts: u32,
+    first_light: u32,
+    lights: u32,
+    points: u32,
+    pad: u32,
+}
+
+/// A fibre as `shaders::scattering_library` binds it in group 0.
+pub struct FibreData {
+    pub uniform: FibreUniform,
+    /// One for every fibre: `tables::Tables::to_gpu`.
+    pub circle_table: Vec<[u32; 4]>,
+    /// Made anew for every fibre: `xu::fibre_table`.
+    pub fibre_table: Vec<[u32; 4]>,
+}
+
+/// Lights that share one buffer of reach.
+struct LightGroup {
+    first: u32,
+    count: u32,
+    reach: wgpu::Buffer,
+}
+
+/// Geometry, lights and fibre on the GPU, ready to be seen from anywhere.
+pub struct Renderer {
+    pub gpu: Gpu,
+    points: u32,
+    segment_count: u32,
+    strand_points: wgpu::Buffer,
+    segments: wgpu::Buffer,
+    indices: RibbonIndices,
+    /// Chord and turn of a sample of segments, to choose how finely to draw curves.
+    bends: Vec<(Vec3, f32, f32)>,
+    head_positions: wgpu::Buffer,
+    head_corners: wgpu::Buffer,
+    head_corner_count: u32,
+    head_radiance: wgpu::Buffer,
+    lights: wgpu::Buffer,
+    groups: Vec<LightGroup>,
+    scattering: wgpu::BindGroup,
+    environment: wgpu::TextureView,
+    environment_rotation_rad: f32,
+    environment_scale: f32,
+    hair_pipeline: wgpu::RenderPipeline,
+    head_pipeline: wgpu::RenderPipeline,
+    mark_pipeline: wgpu::ComputePipeline,
+    plan_pipeline: wgpu::ComputePipeline,
+    end_pipeline: wgpu::ComputePipeline,
+    shade_pipeline: wgpu::ComputePipeline,
+    resolve_pipeline: wgpu::ComputePipeline,
+    backdrop_pipeline: wgpu::ComputePipeline,
+}
+
+impl Renderer {
+    /// Uploads strands and head. `diameters` has one entry a point; `center` becomes the origin.
+    pub fn new(
+        gpu: Gpu,
+        fibre: &FibreData,
+        hair: &Hair,
+        diameters: &[f32],
+        head: Option<&Head>,
+        center: Vec3,
+    ) -> Result<Renderer> {
+        let points = hair.points.len() as u32;
+        let limit = gpu.device.limits().max_storage_buffer_binding_size;
+        ensure!(
+            32 * u64::from(points) <= limit,
+            "{points} hair points are more than this adapter's buffers hold ({} at most): use fewer strands",
+            limit / 32
+        );
+        let mut data: Vec<Vec4> = Vec::with_capacity(2 * hair.points.len());
+        let mut segments: Vec<u32> = Vec::with_capacity(hair.points.len());
+        let mut bends = Vec::new();
+        let bend_stride = (hair.points.len() / 4096).max(1);
+        for pair in hair.offsets.windows(2) {
+            let (first, end) = (pair[0] as usize, pair[1] as usize);
+            let strand = &hair.points[first..end];
+            // Each strand's ellipse stands at an angle of its own and turns no more than the strand does.
+            let mut minor = Vec3::ZERO;
+            let tangent = |i: usize| {
+                let (a, b) = (i.saturating_sub(1), (i + 1).min(strand.len() - 1));
+                (strand[b] - strand[a]).normalize_or(Vec3::Y)
+            };
+            for (i, &p) in strand.iter().enumerate() {
+                data.push((p - center).extend(diameters[first + i]));
+                let u = tangent(i);
+                let (x, y) = normals(u);
+                minor = match i {
+                    0 => {
+                        let (sin, cos) = (2.399_963 * pair[0] as f32).sin_cos();
+                        x * cos + y * sin
+                    }
+                    _ => minor.reject_from_normalized(u).normalize_or(x),
+                };
+                data.push(u.extend(minor.dot(y).atan2(minor.dot(x))));
+                if i + 1 < strand.len() {
+                    segments.push((first + i) as u32);
+                    if (first + i) % bend_stride == 0 {
+                        let turn = tangent(i).angle_between(tangent(i + 1));
+                        bends.push((p - center, p.distance(strand[i + 1]), turn));
+                    }
+                }
+            }
+        }
+        let device = &gpu.device;
+        let strand_points = storage(device, "strand points", bytemuck::cast_slice(&data));
+        let segment_buffer = storage(device, "segments", bytemuck::cast_slice(&segments));
+        let (positions, corners): (Vec<Vec4>, Vec<u32>) = head.map_or(Default::default(), |head| {
+            let positions = head.positions.iter().map(|&p| (p - center).extend(1.0)).collect();
+            (positions, head.triangles.iter().flatten().copied().collect())
+        });
+        let head_positions = storage(device, "head positions", bytemuck::cast_slice(&positions));
+        let head_corners = storage(device, "head corners", bytemuck::cast_slice(&corners));
+        let dark = vec![Vec4::ZERO; positions.len()];
+        let head_radiance = storage(device, "head radiance", bytemuck::cast_slice(&dark));
+        let raster = module(device, "raster", &shaders::raster());
+        let mark = module(device, "mark", &shaders::mark());
+        let shade = module(device, "shade", &shaders::shade());
+        let resolve = module(device, "resolve", &shaders::resolve());
+        let shade_pipeline = compute_pipeline(device, &shade, "shade");
+        Ok(Renderer {
+            points,
+            segment_count: segments.len() as u32,
+            strand_points,
+            segments: segment_buffer,
+            indices: RibbonIndices::new(device, segments.len() as u32, 1),
+            bends,
+            head_positions,
+            head_corners,
+            head_corner_count: corners.len() as u32,
+            head_radiance,
+            lights: storage(device, "lights", &[]),
+            groups: Vec::new(),
+            scattering: scattering_group(device, &shade_pipeline, fibre),
+            environment: environment_texture(&gpu, 1, 1, &[[0.0; 4]]),
+            environment_rotation_rad: 0.0,
+            environment_scale: 1.0,
+            hair_pipeline: raster_pipeline(device, &raster, "hair"),
+            head_pipeline: raster_pipeline(device, &raster, "head"),
+            mark_pipeline: compute_pipeline(device, &mark, "mark"),
+            plan_pipeline: compute_pipeline(device, &mark, "plan_shading"),
+            end_pipeline: compute_pipeline(device, &mark, "end_shading"),
+            shade_pipeline,
+            resolve_pipeline: compute_pipeline(device, &resolve, "resolve"),
+            backdrop_pipeline: compute_pipeline(device, &resolve, "backdrop"),
+            gpu,
+        })
+    }
+
+    /// Sets the lights (world frame, exposure included) and their packed reach, light by light.
+    pub fn set_lights(&mut self, lights: &[SrbfLight], reach: &[Vec<u32>]) {
+        let entries: Vec<LightEntry> = lights
+            .iter()
+            .map(|light| LightEntry {
+                direction: light.direction.as_vec3(),
+                lambda: light.lambda as f32,
+                rgb: Vec3::from(light.rgb.map(|c| c as f32)),
+                energy: lobe_integral(light.lambda) as f32,
+            })
+            .collect();
+        let device = &self.gpu.device;
+        self.lights = storage(device, "lights", bytemuck::cast_slice(&entries));
+        let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
+        let per_group = (limit / (4 * u64::from(self.points.max(1)))).max(1) as usize;
+        self.groups = reach
+            .chunks(per_group)
+            .enumerate()
+            .map(|(group, chunk)| {
+                let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("reach"),
+                    size: 4 * u64::from(self.points) * chunk.len() as u64,
+                    usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                });
+                for (j, column) in chunk.iter().enumerate() {
+                    let offset = 4 * u64::from(self.points) * j as u64;
+                    self.gpu.queue.write_buffer(&buffer, offset, bytemuck::cast_slice(column));
+                }
+                LightGroup {
+                    first: (group * per_group) as u32,
+                    count: chunk.len() as u32,
+                    reach: buffer,
+                }
+            })
+            .collect();
+    }
+
+    /// Sets the fibre; geometry and lights stay.
+    pub fn set_fibre(&mut self, fibre: &FibreData) {
+        self.scattering = scattering_group(&self.gpu.device, &self.shade_pipeline, fibre);
+    }
+
+    /// Sets the radiance of the head's vertices.
+    pub fn set_head_radiance(&mut self, radiance: &[Vec3]) {
+        let padded: Vec<Vec4> = radiance.iter().map(|r| r.extend(1.0)).collect();
+        self.head_radiance = storage(&self.gpu.device, "head radiance", bytemuck::cast_slice(&padded));
+    }
+
+    /// Sets the map behind the hair: turned by `rotation_rad` about +y, multiplied by `scale`.
+    pub fn set_environment(&mut self, map: &Environment, rotation_rad: f32, scale: f32) {
+        // Wide maps are halved until they fit a texture that every adapter has.
+        let factor = map.width.div_ceil(4096).max(map.height.div_ceil(4096));
+        let (width, height) = (map.width.div_ceil(factor), map.height.div_ceil(factor));
+        let mut texels = vec![[0.0f32; 4]; width * height];
+        for (y, row) in texels.chunks_exact_mut(width).enumerate() {
+            for (x, texel) in row.iter_mut().enumerate() {
+                let (x0, y0) = (x * factor, y * factor);
+                let (x1, y1) = ((x0 + factor).min(map.width), (y0 + factor).min(map.height));
+                for yy in y0..y1 {
+                    for pixel in &map.pixels[yy * map.width + x0..yy * map.width + x1] {
+                        for c in 0..3 {
+                            texel[c] += pixel[c] / ((x1 - x0) * (y1 - y0)) as f32;
+                        }
+                    }
+                }
+            }
+        }
+        self.environment = environment_texture(&self.gpu, width as u32, height as u32, &texels);
+        self.environment_rotation_rad = rotation_rad;
+        self.environment_scale = scale;
+    }
+
+    /// Renders a frame with at least `samples` samples a pixel (a multiple of four is taken).
+    pub fn render(
+        &mut self,
+        camera: &Camera,
+        size: [u32; 2],
+        samples: u32,
+        background: Background,
+        parts: Parts,
+    ) -> Result<Frame> {
+        let limits = self.gpu.device.limits();
+        let most = limits.max_storage_buffer_binding_size / 16;
+        let edge = limits.max_texture_dimension_2d;
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        ensure!(
+            pixels <= most && size.iter().all(|&s| s <= edge),
+            "a frame of {}x{} is more than this adapter holds ({edge} a side, {most} pixels): choose a smaller size",
+            size[0],
+            size[1]
+        );
+        let sampling = Sampling::new(samples, pixels, size, edge);
+        let work = Work::new(&self.gpu.device, self.points, size, sampling.grid);
+        let mark = self.bind_at(&self.mark_pipeline, &[texture(0, &work.visibility), buffer(1, &work.marks), buffer(2, &work.needed)]);
+        let plan = self.bind_at(&self.plan_pipeline, &[buffer(2, &work.needed)]);
+        let end = self.bind_at(&self.end_pipeline, &[buffer(2, &work.needed)]);
+        let shade = self.shading_groups(camera, parts, &work);
+        let tiles = [size[0].div_ceil(8), size[1].div_ceil(8)];
+        let pieces = self.pieces(camera, size);
+        if self.indices.pieces != pieces {
+            self.indices = RibbonIndices::new(&self.gpu.device, self.segment_count, pieces);
+        }
+        let mut timer = PassTimer::new(&self.gpu);
+        for pass in 0..sampling.passes {
+            let view = self.view(camera, size, pieces, background, sampling, pass);
+            let view = uniform_buffer(&self.gpu.device, "view", bytemuck::bytes_of(&view));
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            self.raster(&mut encoder, timer.render("raster"), &work, &view, pieces);
+            {
+                let mut compute = begin(&mut encoder, "mark", timer.compute("mark"));
+                compute.set_pipeline(&self.mark_pipeline);
+                compute.set_bind_group(0, &mark, &[]);
+                let [x, y] = tiles.map(|t| sampling.grid * t);
+                compute.dispatch_workgroups(x, y, 1);
+                compute.set_pipeline(&self.plan_pipeline);
+                compute.set_bind_group(0, &plan, &[]);
+                compute.dispatch_workgroups(1, 1, 1);
+            }
+            {
+                let mut compute = begin(&mut encoder, "shade", timer.compute("shade"));
+                compute.set_pipeline(&self.shade_pipeline);
+                compute.set_bind_group(0, &self.scattering, &[]);
+                for group in &shade {
+                    compute.set_bind_group(1, group, &[]);
+                    compute.dispatch_workgroups_indirect(&work.needed, NEEDED_DISPATCH);
+                }
+            }
+            {
+                let resolve = self.bind_at(
+                    &self.resolve_pipeline,
+                    &[
+                        buffer(0, &view),
+                        texture(1, &work.visibility),
+                        buffer(2, &work.radiance),
+                        buffer(3, &self.head_radiance),
+                        buffer(4, &self.head_corners),
+                        buffer(6, &work.sum),
+                        buffer(7, &work.hair_sum),
+                    ],
+                );
+                let mut compute = begin(&mut encoder, "resolve", timer.compute("resolve"));
+                compute.set_pipeline(&self.end_pipeline);
+                compute.set_bind_group(0, &end, &[]);
+                compute.dispatch_workgroups(1, 1, 1);
+                compute.set_pipeline(&self.resolve_pipeline);
+                compute.set_bind_group(0, &resolve, &[]);
+                compute.dispatch_workgroups(tiles[0], tiles[1], 1);
+            }
+            if pass + 1 == sampling.passes {
+                let backdrop = self.bind_at(
+                    &self.backdrop_pipeline,
+                    &[buffer(0, &view), texture(5, &self.environment), buffer(6, &work.sum)],
+                );
+                let mut compute = begin(&mut encoder, "backdrop", timer.compute("backdrop"));
+                compute.set_pipeline(&self.backdrop_pipeline);
+                compute.set_bind_group(0, &backdrop, &[]);
+                compute.dispatch_workgroups(tiles[0], tiles[1], 1);
+            }
+            self.gpu.queue.submit([encoder.finish()]);
+        }
+        let pixels = self.gpu.read(&work.sum)?;
+        let hair_coverage = self.gpu.read(&work.hair_sum)?;
+        let needed: Vec<u32> = self.gpu.read(&work.needed)?;
+        let list = &needed[NEEDED_LIST as usize / 4..];
+        let shaded = list[..needed[0] as usize].to_vec();
+        Ok(Frame { size, pixels, hair_coverage, shaded, passes: timer.read(&self.gpu)? })
+    }
+
+    fn bind_at(&self, pipeline: &wgpu::ComputePipeline, entries: &[wgpu::BindGroupEntry]) -> wgpu::BindGroup {
+        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries,
+        })
+    }
+
+    fn shading_groups(&self, camera: &Camera, parts: Parts, work: &Work) -> Vec<wgpu::BindGroup> {
+        let device = &self.gpu.device;
+        let layout = self.shade_pipeline.get_bind_group_layout(1);
+        let parts = u32::from(parts.single) | u32::from(parts.global) << 1 | u32::from(parts.local) << 2;
+        self.groups
+            .iter()
+            .map(|group| {
+                let uniform = ShadingUniform {
+                    eye: camera.eye,
+                    parts,
+                    first_light: group.first,
+                    lights: group.count,
+                    points: self.points,
+                    pad: 0,
+                };
+                let uniform = uniform_buffer(device, "shading", bytemuck::bytes_of(&uniform));
+                let points = &self.strand_points;
+                bind(device, &layout, &[&uniform, points, &work.needed, &self.lights, &group.reach, &work.radiance])
+            })
+            .collect()
+    }
+
+    fn raster(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        timestamp_writes: Option<wgpu::RenderPassTimestampWrites>,
+        work: &Work,
+        view: &wgpu::Buffer,
+        pieces: u32,
+    ) {
+        let device = &self.gpu.device;
+        let mut raster = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("raster"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &work.visibility,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &work.depth,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Discard,
+                }),
+                stencil_ops: None,
+            }),
+            timestamp_writes,
+            ..Default::default()
+        });
+        if self.head_corner_count > 0 {
+            let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("head"),
+                layout: &self.head_pipeline.get_bind_group_layout(0),
+                entries: &[buffer(0, view), buffer(3, &self.head_positions), buffer(4, &self.head_corners)],
+            });
+            raster.set_pipeline(&self.head_pipeline);
+            raster.set_bind_group(0, &group, &[]);
+            raster.draw(0..self.head_corner_count, 0..1);
+        }
+        if self.segment_count > 0 {
+            let layout = self.hair_pipeline.get_bind_group_layout(0);
+            let group = bind(device, &layout, &[view, &self.strand_points, &self.segments]);
+            raster.set_pipeline(&self.hair_pipeline);
+            raster.set_bind_group(0, &group, &[]);
+            raster.set_index_buffer(self.indices.buffer.slice(..), wgpu::IndexFormat::Uint32);
+            raster.draw_indexed(0..6 * pieces * self.segment_count, 0, 0..1);
+        }
+    }
+
+    /// Straight pieces a segment needs, so that 95 % of them stay within tolerance of their curve: a chord
+    /// of c pixels that turns by δ leaves its curve by cδ/8, and by 1/n² of that in n pieces.
+    fn pieces(&self, camera: &Camera, size: [u32; 2]) -> u32 {
+        let pixels_per_unit = 0.5 * size[1] as f32 / (0.5 * camera.fov_rad).tan();
+        let mut off: Vec<f32> = self
+            .bends
+            .iter()
+            .map(|&(p, chord, turn)| {
+                let distance = p.distance(camera.eye).max(1e-6);
+                chord / distance * pixels_per_unit * turn / 8.0
+            })
+            .collect();
+        off.sort_by(f32::total_cmp);
+        let worst = off.get(off.len() * 95 / 100).copied().unwrap_or(0.0);
+        ((worst / CURVE_TOLERANCE_PX).sqrt().ceil() as u32).clamp(1, MAX_PIECES)
+    }
+
+    fn view(
+        &self,
+        camera: &Camera,
+        size: [u32; 2],
+        pieces: u32,
+        background: Background,
+        sampling: Sampling,
+        pass: u32,
+    ) -> ViewUniform {
+        let jitter = jitter(pass, sampling);
+        let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
+        // Looking straight up or down, any horizontal direction may be the image's up.
+        let side = forward.cross(camera.up);
+        let right = if side.length_squared() > 1e-10 { side.normalize() } else { Vec3::X };
+        let up = right.cross(forward);
+        let half_height = (0.5 * camera.fov_rad).tan();
+        let half_width = half_height * size[0] as f32 / size[1] as f32;
+        // Infinite reversed depth: near / distance.
+        let near = 1e-3 * (camera.target - camera.eye).length().max(1e-6);
+        let shift = 2.0 * jitter / Vec2::new(size[0] as f32, size[1] as f32);
+        let row = |axis: Vec3| axis.extend(-axis.dot(camera.eye));
+        let (x, y, w) = (row(right) / half_width, row(up) / half_height, row(forward));
+        // The image moves against the jitter, y up in clip space and down in pixels.
+        let rows = [x - shift.x * w, y + shift.y * w, Vec4::new(0.0, 0.0, 0.0, near), w];
+        let (kind, color) = match background {
+            Background::Environment => (0, Vec3::ZERO),
+            Background::Color(rgb) => (1, Vec3::from(rgb)),
+            Background::Transparent => (2, Vec3::ZERO),
+        };
+        ViewUniform {
+            clip_from_pos: Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(),
+            eye: camera.eye,
+            pieces,
+            right: right * half_width,
+            background: kind,
+            up: up * half_height,
+            environment_rotation_rad: self.environment_rotation_rad,
+            forward,
+            environment_scale: self.environment_scale,
+            background_rgb: color,
+            share: 1.0 / sampling.passes as f32,
+            size,
+            grid: sampling.grid,
+            pad: 0,
+        }
+    }
+}
+
+/// The triangles of all ribbons, for one number of pieces a segment.
+struct RibbonIndices {
+    pieces: u32,
+    buffer: wgpu::Buffer,
+}
+
+impl RibbonIndices {
+    fn new(device: &wgpu::Device, segments: u32, pieces: u32) -> RibbonIndices {
+        let quad = |first: u32| [first, first + 1, first + 2, first + 2, first + 1, first + 3];
+        let indices: Vec<u32> = (0..segments)
+            .flat_map(|segment| (0..pieces).map(move |piece| 2 * (segment * (pieces + 1) + piece)))
+            .flat_map(quad)
+            .collect();
+        let buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("ribbons"),
+            contents: bytemuck::cast_slice(&indices),
+            usage: wgpu::BufferUsages::INDEX,
+        });
+        RibbonIndices { pieces, buffer }
+    }
+}
+
+/// Byte offsets in `Needed` (shaders/mark.wgsl).
+const NEEDED_DISPATCH: u64 = 16;
+const NEEDED_LIST: u64 = 28;
+
+/// The buffers of one frame, all born zero.
+struct Work {
+    visibility: wgpu::TextureView,
+    depth: wgpu::TextureView,
+    marks: wgpu::Buffer,
+    needed: wgpu::Buffer,
+    radiance: wgpu::Buffer,
+    sum: wgpu::Buffer,
+    hair_sum: wgpu::Buffer,
+}
+
+impl Work {
+    fn new(device: &wgpu::Device, points: u32, size: [u32; 2], grid: u32) -> Work {
+        let target = |label, format, usage| {
+            let texture = device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: grid * size[0], height: grid * size[1], depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: SAMPLES_PER_TEXEL,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
+                view_formats: &[],
+            });
+            texture.create_view(&Default::default())
+        };
+        let zeros = |label, size: u64, usage| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: size.max(16),
+                usage: wgpu::BufferUsages::STORAGE | usage,
+                mapped_at_creation: false,
+            })
+        };
+        let points = u64::from(points);
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let (nothing, read) = (wgpu::BufferUsages::empty(), wgpu::BufferUsages::COPY_SRC);
+        Work {
+            visibility: target("visibility", VISIBILITY, wgpu::TextureUsages::TEXTURE_BINDING),
+            depth: target("depth", DEPTH, wgpu::TextureUsages::empty()),
+            marks: zeros("marks", 4 * points, nothing),
+            needed: zeros("needed", NEEDED_LIST + 4 * points, read | wgpu::BufferUsages::INDIRECT),
+            radiance: zeros("radiance", 16 * points, nothing),
+            sum: zeros("sum", 16 * pixels, read),
+            hair_sum: zeros("hair sum", 4 * pixels, read),
+        }
+    }
+}
+
+/// How samples are spread: passes of grid × grid texels a pixel, four samples each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Sampling {
+    grid: u32,
+    passes: u32,
+}
+
+impl Sampling {
+    /// A pass costs as much for its vertices as for its samples, so sixteen samples are best taken at once,
+    /// as long as the visibility buffer (48 bytes a texel) stays within 256 MiB.
+    fn new(samples: u32, pixels: u64, size: [u32; 2], edge: u32) -> Sampling {
+        let fits = 4 * 48 * pixels <= 256 << 20 && size.iter().all(|&s| 2 * s <= edge);
+        let grid = if samples >= 4 * SAMPLES_PER_TEXEL && fits { 2 } else { 1 };
+        Sampling { grid, passes: samples.div_ceil(grid * grid * SAMPLES_PER_TEXEL).max(1) }
+    }
+}
+
+/// Two unit vectors at right angles to unit `u` and to each other; shaders/shade.wgsl has the first.
+fn normals(u: Vec3) -> (Vec3, Vec3) {
+    let s = if u.z >= 0.0 { 1.0 } else { -1.0 };
+    let a = -1.0 / (s + u.z);
+    let x = Vec3::new(1.0 + s * u.x * u.x * a, s * u.x * u.y * a, -s * u.x);
+    (x, u.cross(x))
+}
+
+/// Offset of a pass in pixels, within a texel of the grid: the R2 sequence, and 0 for a lone pass.
+fn jitter(pass: u32, sampling: Sampling) -> Vec2 {
+    if sampling.passes == 1 {
+        return Vec2::ZERO;
+    }
+    let n = f64::from(pass) + 0.5;
+    let at = |a: f64| ((n * a).fract() - 0.5) as f32 / sampling.grid as f32;
+    Vec2::new(at(0.754_877_666_246_693), at(0.569_840_290_998_053))
+}
+
+fn begin<'a>(
+    encoder: &'a mut wgpu::CommandEncoder,
+    label: &'static str,
+    timestamp_writes: Option<wgpu::ComputePassTimestampWrites>,
+) -> wgpu::ComputePass<'a> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
+}
+
+fn scattering_group(device: &wgpu::Device, shade: &wgpu::ComputePipeline, fibre: &FibreData) -> wgpu::BindGroup {
+    let uniform = uniform_buffer(device, "fibre", bytemuck::bytes_of(&fibre.uniform));
+    let circle = storage(device, "circle table", bytemuck::cast_slice(&fibre.circle_table));
+    let table = storage(device, "fibre table", bytemuck::cast_slice(&fibre.fibre_table));
+    bind(device, &shade.get_bind_group_layout(0), &[&uniform, &circle, &table])
+}
+
+fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::ShaderModule {
+    device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(label),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    })
+}
+
+fn compute_pipeline(device: &wgpu::Device, module: &wgpu::ShaderModule, entry: &str) -> wgpu::ComputePipeline {
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(entry),
+        layout: None,
+        module,
+        entry_point: Some(entry),
+        compilation_options: Default::default(),
+        cache: None,
+    })
+}
+
+/// Entry points `{name}_vertex` and `{name}_fragment`.
+fn raster_pipeline(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    name: &str,
+) -> wgpu::RenderPipeline {
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(name),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(&format!("{name}_vertex")),
+            compilation_options: Default::default(),
+            buffers: &[],
+        },
+        primitive: Default::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: Default::default(),
+            bias: Default::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: SAMPLES_PER_TEXEL, ..Default::default() },
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(&format!("{name}_fragment")),
+            compilation_options: Default::default(),
+            targets: &[Some(VISIBILITY.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+fn uniform_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
+    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents,
+        usage: wgpu::BufferUsages::UNIFORM,
+    })
+}
+
+/// A read-only storage buffer; an empty one still needs a few bytes to be bound.
+fn storage(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
+    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents: if contents.is_empty() { &[0; 64] } else { contents },
+        usage: wgpu::BufferUsages::STORAGE,
+    })
+}
+
+fn buffer(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+}
+
+fn texture(binding: u32, view: &wgpu::TextureView) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) }
+}
+
+/// Binds buffers to bindings 0, 1, 2, …
+fn bind(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
+    let entries: Vec<_> = buffers.iter().enumerate().map(|(i, b)| buffer(i as u32, b)).collect();
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+}
+
+fn environment_texture(gpu: &Gpu, width: u32, height: u32, texels: &[[f32; 4]]) -> wgpu::TextureView {
+    let texture = gpu.device.create_texture_with_data(
+        &gpu.queue,
+        &wgpu::TextureDescriptor {
+            label: Some("environment"),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba32Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        },
+        wgpu::util::TextureDataOrder::LayerMajor,
+        bytemuck::cast_slice(texels),
+    );
+    texture.create_view(&Default::default())
+}

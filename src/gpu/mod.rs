@@ -1,0 +1,10 @@
+//! The GPU: device, uniforms, passes, read-back. The maths is in `scattering`, the files elsewhere.
+
+pub mod device;
+pub mod frame;
+pub mod probe;
+pub mod shaders;
+mod timer;
+pub mod uniforms;
+
+pub use device::Gpu;

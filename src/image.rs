@@ -1,0 +1,140 @@
+//! Pictures out: tone mapping and PNG for eyes, linear EXR for measurement, whole or not at all.
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Vec2, WritableImage};
+use image::ImageEncoder;
+use rayon::prelude::*;
+
+use crate::environment::Environment;
+use crate::file::write_whole;
+use crate::gpu::frame::Frame;
+
+/// Linear Rec. 709 luminance.
+pub fn luminance(rgb: [f32; 3]) -> f32 {
+    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+}
+
+/// A filmic curve: the Naka–Rushton response x^n/(x^n + s^n), which keeps middle grey (0.18), gives n =
+/// 1.25 of contrast round it, and bends white so gently that eight times middle grey is still 0.75 and no
+/// finite radiance burns out.
+fn film(x: f32) -> f32 {
+    const CONTRAST: f32 = 1.25;
+    const GREY: f32 = 0.18;
+    let x = (x.max(0.0) / GREY).powf(CONTRAST);
+    // s^n = grey^n (1 − grey)/grey, so that film(grey) = grey.
+    x / (x + (1.0 - GREY) / GREY)
+}
+
+/// Linear radiance to display-referred linear RGB in 0…1. A tenth of luminance is mixed in, so that
+/// saturated highlights turn lighter rather than clip to a primary.
+pub fn tone_map(rgb: [f32; 3]) -> [f32; 3] {
+    let grey = luminance(rgb);
+    rgb.map(|c| film(c + 0.1 * (grey - c)))
+}
+
+/// sRGB transfer function, 0…1 to a byte.
+fn srgb8(linear: f32) -> u8 {
+    let v = linear.clamp(0.0, 1.0);
+    let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    (255.0 * encoded).round() as u8
+}
+
+/// Tone-mapped sRGB bytes of a premultiplied pixel, with straight alpha, as PNG has it.
+fn display(pixel: [f32; 4], scale: f32) -> [u8; 4] {
+    let [r, g, b, alpha] = pixel;
+    if alpha <= 0.0 {
+        return [0; 4];
+    }
+    let rgb = tone_map([r, g, b].map(|c| c * scale / alpha)).map(srgb8);
+    [rgb[0], rgb[1], rgb[2], (255.0 * alpha.clamp(0.0, 1.0)).round() as u8]
+}
+
+/// What a frame can be written as.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Format {
+    Png,
+    Exr,
+}
+
+impl Format {
+    /// By the path's extension, in any case.
+    pub fn of(path: &Path) -> Result<Format> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        match extension.to_lowercase().as_str() {
+            "png" => Ok(Format::Png),
+            "exr" => Ok(Format::Exr),
+            _ => bail!("{}: the extension says no format: name it .png or .exr", path.display()),
+        }
+    }
+}
+
+/// Writes a frame by its extension: `.png` tone mapped after multiplying by `scale`, `.exr` in linear
+/// f32 as it is (R, G, B, A premultiplied, and `hair`, the coverage by hair).
+pub fn write_frame(path: &Path, frame: &Frame, scale: f32) -> Result<()> {
+    let [width, height] = frame.size;
+    match Format::of(path)? {
+        Format::Png => {
+            let bytes: Vec<u8> =
+                frame.pixels.par_iter().flat_map_iter(|&p| display(p, scale)).collect();
+            write_png(path, &bytes, width, height, image::ExtendedColorType::Rgba8)
+        }
+        Format::Exr => {
+            let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+            let plane = |c: usize| frame.pixels.iter().map(|p| p[c]).collect();
+            let channels = AnyChannels::sort(
+                [
+                    channel("R", plane(0)),
+                    channel("G", plane(1)),
+                    channel("B", plane(2)),
+                    channel("A", plane(3)),
+                    channel("hair", frame.hair_coverage.clone()),
+                ]
+                .into_iter()
+                .collect(),
+            );
+            let layer = Layer::new(
+                Vec2(width as usize, height as usize),
+                LayerAttributes::default(),
+                Encoding::FAST_LOSSLESS,
+                channels,
+            );
+            let image = exr::prelude::Image::from_layer(layer);
+            write_whole(path, |file| {
+                image.write().to_buffered(std::io::BufWriter::new(file)).map_err(Into::into)
+            })
+        }
+    }
+}
+
+/// Writes a lat-long map as a tone-mapped PNG, exposed so that its mean luminance is middle grey.
+pub fn write_png_map(path: &Path, map: &Environment) -> Result<()> {
+    let mean = luminance(map.mean_radiance().map(|c| c as f32));
+    let scale = if mean > 0.0 { 0.18 / mean } else { 1.0 };
+    let bytes: Vec<u8> = map
+        .pixels
+        .par_iter()
+        .flat_map_iter(|p| tone_map(p.map(|c| c * scale)).map(srgb8))
+        .collect();
+    write_png(path, &bytes, map.width as u32, map.height as u32, image::ExtendedColorType::Rgb8)
+}
+
+fn write_png(path: &Path, bytes: &[u8], width: u32, height: u32, color: image::ExtendedColorType) -> Result<()> {
+    write_whole(path, |file| {
+        let encoder = image::codecs::png::PngEncoder::new(std::io::BufWriter::new(file));
+        encoder.write_image(bytes, width, height, color).map_err(Into::into)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_film_curve_keeps_grey_and_never_burns_out() {
+        assert!((film(0.18) - 0.18).abs() < 1e-6);
+        assert!(film(0.0) == 0.0 && film(1e4) < 1.0 && film(4.0) > film(3.9));
+        assert!((film(1.44) - 0.747).abs() < 0.001, "{}", film(1.44));
+    }
+}

@@ -1,0 +1,18 @@
+//! The parameters of one hair fibre (Xu 2011, Table 1; Marschner 2003).
+
+/// A dielectric fibre with tilted scales. Arrays over modes are in the order R, TT, TRT.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fibre {
+    /// Index of refraction, 1 to 3.
+    pub eta: f64,
+    /// Absorption σ_a per fibre **radius**, linear RGB, 0 to 1e3.
+    pub sigma_a: [f64; 3],
+    /// Longitudinal shift α_t of each mode, radians of θ_h.
+    pub alpha: [f64; 3],
+    /// Longitudinal width β_t of each mode: the **standard deviation** of θ_h in radians, as in Marschner 2003.
+    pub beta: [f64; 3],
+    /// Azimuthal width of the TRT caustic: a **bandwidth** (√2 standard deviations), radians.
+    pub w_c: f64,
+    /// Eccentricity a of the cross section, 0.5 to 2; 1 is a circle.
+    pub eccentricity: f64,
+}

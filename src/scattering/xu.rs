@@ -1,0 +1,228 @@
+//! The paper's method, `--method xu`: ∫G_j S_t cosθ_i dω and its dual-scattering kin in closed form
+//! (Xu 2011, Eq 11, Eq 27–33). shaders/xu.wgsl is its twin, name for name.
+//!
+//! Angles: θ_o, θ_j in [−π/2, π/2]; φ = φ_o−φ_j in [−π, π]; `cos_sum` = cos(φ_o+φ_j), which only an
+//! eccentric fibre feels (azimuths count from the ellipse's minor axis). Every result is per unit of
+//! light coefficient L_j, cosθ_i included, with unit-integral M (no energy compensation).
+//!
+//! Deviations are listed where they are made: `gaussian.rs`, `longitudinal.rs`, `azimuthal.rs`,
+//! `tables.rs`, `global.rs`, `dual.rs`. Here:
+//! - Eq 30 has |φ_j−φ_o|: φ_i is integrated out.
+//! - Eq 31's means are taken by Simpson's rule over three look-ups instead of a summed-area table,
+//!   whose interpolation steps at every row when σ_f is small.
+//! - A mode whose product with the light has an amplitude below [`AMPLITUDE_MIN`] is left out: less
+//!   than that share of what the same light gives at the mode's centre.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use super::{
+    azimuthal::{Energy, FitTable, Fitter, eccentric_eta, r_coefficients},
+    dual::{AverageTable, Averages},
+    fibre::Fibre,
+    gaussian::{Product, concentration, g_circular_integral, g_circular_product, product},
+    global::{GlobalAzimuth, GlobalTable},
+    longitudinal::{
+        SPREAD_MAX, linear_quadrature, longitudinal_bandwidth, projection, spread_normaliser,
+    },
+    quadrature::GaussLegendre,
+    tables::{Tables, circular_moments},
+};
+
+/// Products of Gaussians below this amplitude are skipped.
+pub const AMPLITUDE_MIN: f64 = 1e-3;
+
+/// What shaders/fibre.wgsl binds as `fibre_table`: the averages, then 𝒩^G, then the fits. To be made
+/// anew when the fibre changes: a few milliseconds, some 50 for an eccentric one.
+pub fn fibre_table(
+    fibre: &Fibre,
+    segments: u32,
+    energy: Energy,
+    tables: &Tables,
+) -> Vec<[u32; 4]> {
+    let mut table = AverageTable::new(fibre, segments).to_gpu();
+    table.extend(GlobalTable::new(fibre, energy, &tables.circle).to_gpu());
+    table.extend(FitTable::new(fibre, energy).to_gpu());
+    table
+}
+
+/// RGB for each mode.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Modes {
+    pub r: [f64; 3],
+    pub tt: [f64; 3],
+    pub trt: [f64; 3],
+}
+
+/// The method for one fibre, evaluated without tables.
+pub struct Xu<'a> {
+    fibre: Fibre,
+    segments: u32,
+    energy: Energy<'a>,
+    averages: AverageTable,
+    rule: GaussLegendre,
+}
+
+impl<'a> Xu<'a> {
+    /// `segments` is m ≥ 2 of §4.2.2; the paper takes 4.
+    pub fn new(fibre: &Fibre, segments: u32, energy: Energy<'a>) -> Self {
+        Self {
+            fibre: *fibre,
+            segments,
+            energy,
+            averages: AverageTable::new(fibre, segments),
+            rule: GaussLegendre::new(24),
+        }
+    }
+
+    /// 𝓜_t of Eq 11.
+    pub fn single_scattering(
+        &self,
+        theta_o: f64,
+        theta_j: f64,
+        phi: f64,
+        cos_sum: f64,
+        lambda_j: f64,
+    ) -> Modes {
+        let kappa_at = |theta_i: f64| {
+            concentration(lambda_j) * (theta_i.cos() * theta_j.cos()).max(0.0)
+        };
+        let r = self.outer(theta_o, theta_j, lambda_j, 0, |theta_i, theta_d| {
+            let kappa = kappa_at(theta_i);
+            let moments = circular_moments(&self.rule, kappa, phi).cosines;
+            let sum = dot(&r_coefficients(self.fibre.eta, theta_d), &moments);
+            [(sum * g_circular_integral(kappa)).max(0.0); 3]
+        });
+        let tt = self.outer(theta_o, theta_j, lambda_j, 1, |theta_i, theta_d| {
+            let kappa = kappa_at(theta_i);
+            let fit = Fitter::new(&self.fibre, self.energy).fit(self.fibre.eta, theta_d);
+            fit.tt(phi, |delta, of| g_circular_product(delta, kappa, of))
+        });
+        let trt = self.outer(theta_o, theta_j, lambda_j, 2, |theta_i, theta_d| {
+            let kappa = kappa_at(theta_i);
+            // ⟨cos φ′⟩ = 2𝒞_2/𝒞_0 − 1 at φ = 0.
+            let mean_cos = 2.0 * circular_moments(&self.rule, kappa, 0.0).cosines[2] - 1.0;
+            // η̄* of Eq 24–26.
+            let (mean, half) = eccentric_eta(self.fibre.eta, self.fibre.eccentricity);
+            let eta = (mean + half * mean_cos * cos_sum).max(1.0);
+            let fit = Fitter::new(&self.fibre, self.energy).fit(eta, theta_d);
+            fit.trt(phi, |delta, of| g_circular_product(delta, kappa, of))
+        });
+        Modes { r, tt, trt }
+    }
+
+    /// 𝓜_t^G of Eq 27: light that came forward through other strands, of spread σ_f (a bandwidth of
+    /// θ, cut at [`SPREAD_MAX`]) about θ_j, per unit of its radiance integrated over direction. For an
+    /// SRBF multiply by `gaussian::srbf_integral`.
+    pub fn global_scattering(&self, theta_o: f64, theta_j: f64, phi: f64, sigma_f: f64) -> Modes {
+        let sigma_f = sigma_f.min(SPREAD_MAX);
+        let scale = 1.0 / (PI.sqrt() * sigma_f * spread_normaliser(theta_j, sigma_f));
+        let half = |delta: f64, kappa: f64| circular_moments(&self.rule, kappa, delta).half;
+        let mode = |t: usize, of: fn(Modes) -> [f64; 3]| {
+            let sum = self.outer(theta_o, theta_j, sigma_f, t, |_, theta_d| {
+                of(GlobalAzimuth::new(&self.fibre, theta_d, self.energy).at(phi, half))
+            });
+            sum.map(|x| scale * x)
+        };
+        Modes { r: mode(0, |m| m.r), tt: mode(1, |m| m.tt), trt: mode(2, |m| m.trt) }
+    }
+
+    /// ∫G_j S_back cosθ_i dω: what strands behind return of light that reached this one directly.
+    pub fn local_scattering_direct(
+        &self,
+        theta_o: f64,
+        theta_j: f64,
+        phi: f64,
+        lambda_j: f64,
+    ) -> [f64; 3] {
+        self.local(theta_o, theta_j, lambda_j, |theta_i| {
+            let kappa = concentration(lambda_j) * (theta_i.cos() * theta_j.cos()).max(0.0);
+            let half = circular_moments(&self.rule, kappa, phi).half;
+            g_circular_integral(kappa) * half / PI
+        })
+    }
+
+    /// 𝓜^L of Eq 29: the same of light that came forward through other strands; units as in
+    /// [`Self::global_scattering`].
+    pub fn local_scattering_forward(
+        &self,
+        theta_o: f64,
+        theta_j: f64,
+        phi: f64,
+        sigma_f: f64,
+    ) -> [f64; 3] {
+        let sigma_f = sigma_f.min(SPREAD_MAX);
+        let azimuth = (PI - phi.abs()) / (PI * PI);
+        let scale = azimuth / (PI.sqrt() * sigma_f * spread_normaliser(theta_j, sigma_f));
+        self.local(theta_o, theta_j, sigma_f, |_| scale)
+    }
+
+    /// The averages at θ.
+    pub fn averages(&self, theta: f64) -> Averages {
+        self.averages.sample(theta)
+    }
+
+    /// ∫g(θ_i; θ_j, width) M_t cos²θ_i/cos²θ_d inner(θ_i, θ_d) dθ_i.
+    fn outer(
+        &self,
+        theta_o: f64,
+        theta_j: f64,
+        width: f64,
+        mode: usize,
+        inner: impl Fn(f64, f64) -> [f64; 3],
+    ) -> [f64; 3] {
+        let lambda_m = longitudinal_bandwidth(self.fibre.beta[mode]);
+        let lobe = product(theta_j, width, 2.0 * self.fibre.alpha[mode] - theta_o, lambda_m);
+        self.integrate(lobe, lambda_m, theta_o, inner)
+    }
+
+    /// ∫ lobe(θ_i)/(√π λ_M) cos²θ_i/cos²θ_d inner(θ_i, θ_d) dθ_i by §4.2.2.
+    fn integrate(
+        &self,
+        lobe: Product,
+        lambda_m: f64,
+        theta_o: f64,
+        inner: impl Fn(f64, f64) -> [f64; 3],
+    ) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        if lobe.amplitude < AMPLITUDE_MIN {
+            return sum;
+        }
+        for node in linear_quadrature(lobe.mu, lobe.lambda, self.segments) {
+            let weight = node.weight * projection(node.theta, theta_o);
+            if weight > 0.0 {
+                let value = inner(node.theta, 0.5 * (theta_o - node.theta));
+                sum = [0, 1, 2].map(|c| sum[c] + weight * value[c]);
+            }
+        }
+        sum.map(|s| s * lobe.amplitude / (PI.sqrt() * lambda_m))
+    }
+
+    /// Eq 29's integral over θ_i of a Gaussian light against S_back, with `azimuth(θ_i)` inside.
+    fn local(
+        &self,
+        theta_o: f64,
+        theta_j: f64,
+        width: f64,
+        azimuth: impl Fn(f64) -> f64,
+    ) -> [f64; 3] {
+        // Eq 31 over θ_i in [θ_j−σ_f, θ_j+σ_f], at (θ_i−θ_o)/2.
+        let at = |offset: f64| {
+            let theta_i = (theta_j + offset * width).clamp(-FRAC_PI_2, FRAC_PI_2);
+            self.averages.sample(0.5 * (theta_i - theta_o))
+        };
+        let ends = [at(-1.0), at(0.0), at(1.0)];
+        let mean = |of: fn(&Averages) -> f64| {
+            (of(&ends[0]) + 4.0 * of(&ends[1]) + of(&ends[2])) / 6.0
+        };
+        let (delta_b, sigma_b) = (mean(|a| a.delta_b), mean(|a| a.sigma_b));
+        let lobe = product(theta_j, width, delta_b - theta_o, sigma_b);
+        self.integrate(lobe, sigma_b, theta_o, |theta_i, theta_d| {
+            let azimuth = azimuth(theta_i);
+            self.averages.sample(-theta_d).big_a_b.map(|a| a * azimuth)
+        })
+    }
+}
+
+fn dot(a: &[f64; 7], b: &[f64; 7]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,132 @@
+//! The camera: fixed in the world, or in orbit around the fitted hair.
+
+use anyhow::{Result, bail};
+use glam::{DQuat, DVec3, Vec3};
+
+/// Share of the frame that the fitted hair takes, of the height or width, whichever binds.
+const FILL: f64 = 0.85;
+
+/// Where the camera is, as a user states it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraSpec {
+    pub view: View,
+    /// World point looked at; `None` is the centre of the hair.
+    pub target: Option<[f64; 3]>,
+    /// Vertical field of view, degrees.
+    pub fov_deg: f64,
+}
+
+/// The two ways to place a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum View {
+    /// At a world point.
+    Position([f64; 3]),
+    Orbit(Orbit),
+}
+
+/// Angles around the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    /// Degrees from +z (before the face) towards +x.
+    pub azimuth_deg: f64,
+    /// Degrees above the horizon.
+    pub elevation_deg: f64,
+    /// In radii of the fitted hair; `None` frames it.
+    pub distance: Option<f64>,
+}
+
+/// A camera in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    pub position: DVec3,
+    pub target: DVec3,
+    /// Unit vector at a right angle to the view.
+    pub up: DVec3,
+    /// Vertical field of view, degrees.
+    pub fov_deg: f64,
+}
+
+impl Default for CameraSpec {
+    fn default() -> Self {
+        Self {
+            view: View::Orbit(Orbit::default()),
+            target: None,
+            fov_deg: 30.0,
+        }
+    }
+}
+
+impl Default for Orbit {
+    /// A three-quarter view from a little above.
+    fn default() -> Self {
+        Self {
+            azimuth_deg: 35.0,
+            elevation_deg: 5.0,
+            distance: None,
+        }
+    }
+}
+
+impl CameraSpec {
+    /// The camera for hair within `radius` of `center`, for a frame of width / height `aspect`.
+    ///
+    /// # Errors
+    /// One line, if position and target coincide.
+    pub fn resolve(&self, center: Vec3, radius: f32, aspect: f64) -> Result<Camera> {
+        let target = self.target.map_or(center.as_dvec3(), DVec3::from_array);
+        let position = match self.view {
+            View::Position(position) => DVec3::from_array(position),
+            View::Orbit(Orbit {
+                azimuth_deg,
+                elevation_deg,
+                distance,
+            }) => {
+                let (sin_azimuth, cos_azimuth) = azimuth_deg.to_radians().sin_cos();
+                let (sin_elevation, cos_elevation) = elevation_deg.to_radians().sin_cos();
+                let outward = DVec3::new(
+                    sin_azimuth * cos_elevation,
+                    sin_elevation,
+                    cos_azimuth * cos_elevation,
+                );
+                let radii = distance.unwrap_or_else(|| framing_distance(self.fov_deg, aspect));
+                target + outward * radii * f64::from(radius)
+            }
+        };
+        let Some(forward) = (target - position).try_normalize() else {
+            bail!("the camera stands at its own target; move camera.position or camera.target");
+        };
+        // Seen from right above or below there is no upright; the face (+z) then points down.
+        let upright = if forward.y.abs() < 1.0 - 1e-9 {
+            DVec3::Y
+        } else {
+            DVec3::NEG_Z * -forward.y.signum()
+        };
+        let up = upright.reject_from_normalized(forward).normalize();
+        Ok(Camera {
+            position,
+            target,
+            up,
+            fov_deg: self.fov_deg,
+        })
+    }
+}
+
+/// Distance, in radii, at which a sphere fills [`FILL`] of the tighter side of the frame: its
+/// outline has tan = 1/√(d² − 1).
+fn framing_distance(fov_deg: f64, aspect: f64) -> f64 {
+    let tan_half_fov = (fov_deg / 2.0).to_radians().tan() * aspect.min(1.0);
+    (1.0 + (FILL * tan_half_fov).powi(-2)).sqrt()
+}
+
+impl Camera {
+    /// This camera after it has gone `angle_deg` further around the vertical through its target,
+    /// towards greater azimuth.
+    pub fn turned(&self, angle_deg: f64) -> Camera {
+        let turn = DQuat::from_rotation_y(angle_deg.to_radians());
+        Camera {
+            position: self.target + turn * (self.position - self.target),
+            up: turn * self.up,
+            ..*self
+        }
+    }
+}

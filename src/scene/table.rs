@@ -1,0 +1,469 @@
+//! The table of fields: every key of a scene, once.
+
+use super::fibre::BETA_DEG;
+use super::field::{Alternative, Field, Kind, Slot, Value};
+use super::preset::{self, PRESETS};
+use super::{Background, Method, Orbit, Pigment, Scattering, Scene, UP_WORDS, View};
+
+/// A field that is a plain member of the scene's structs; `key` follows from where it is.
+macro_rules! field {
+    ($group:ident.$name:ident, $flag:literal, $kind:expr, $help:literal $(, $more:ident: $value:expr)*) => {
+        Field {
+            get: |scene| Some(scene.$group.$name.value()),
+            set: |scene, value| scene.$group.$name.assign(value),
+            $($more: $value,)*
+            ..field(concat!(stringify!($group), ".", stringify!($name)), $flag, $kind, $help)
+        }
+    };
+}
+
+const fn field(key: &'static str, flag: &'static str, kind: Kind, help: &'static str) -> Field {
+    Field {
+        key,
+        flag,
+        short: None,
+        kind,
+        unit: "",
+        unset: None,
+        alternative: None,
+        help,
+        get: |_| None,
+        set: |_, _| {},
+    }
+}
+
+const fn color_by(way: &'static str) -> Option<Alternative> {
+    Some(Alternative {
+        of: "the colour of the fibre",
+        way,
+    })
+}
+
+const fn view_by(way: &'static str) -> Option<Alternative> {
+    Some(Alternative {
+        of: "where the camera stands",
+        way,
+    })
+}
+
+const ANGLE: Kind = Kind::Number {
+    min: -360.0,
+    max: 360.0,
+};
+const STOPS: Kind = Kind::Number {
+    min: -20.0,
+    max: 20.0,
+};
+const BETA: Kind = Kind::Number {
+    min: BETA_DEG[0],
+    max: BETA_DEG[1],
+};
+const ALPHA: Kind = Kind::Number {
+    min: -20.0,
+    max: 20.0,
+};
+const POINT: Kind = Kind::Vector {
+    min: -1e9,
+    max: 1e9,
+};
+const CONCENTRATION: Kind = Kind::Number {
+    min: 0.0,
+    max: 100.0,
+};
+
+/// All fields, in the order of a scene file.
+pub static FIELDS: &[Field] = &[
+    field!(
+        hair.source,
+        "hair",
+        Kind::Source {
+            builtins: &crate::hair::groom::STYLES,
+            words: &[]
+        },
+        "strands: .hair, .tfx, or a builtin groom"
+    ),
+    field!(
+        hair.up,
+        "up",
+        Kind::Choice(UP_WORDS),
+        "axis of the files that points up"
+    ),
+    field!(
+        hair.scale,
+        "scale",
+        Kind::Number {
+            min: 1e-6,
+            max: 1e6
+        },
+        "world lengths per length in the files"
+    ),
+    field!(
+        hair.strands,
+        "strands",
+        Kind::Integer { min: 1e3, max: 2e5 },
+        "strands of a builtin groom"
+    ),
+    field!(
+        hair.seed,
+        "seed",
+        Kind::Integer {
+            min: 0.0,
+            max: u32::MAX as f64
+        },
+        "random seed of a builtin groom"
+    ),
+    field!(
+        hair.length,
+        "length",
+        Kind::Number { min: 0.2, max: 2.0 },
+        "length of a builtin groom, times its own"
+    ),
+    field!(
+        hair.curl,
+        "curl",
+        Kind::Number { min: 0.0, max: 2.0 },
+        "curl of a builtin groom, times its own"
+    ),
+    field!(hair.clump, "clump", Kind::Number { min: 0.0, max: 1.0 }, "clumping of a builtin groom",
+        unset: Some("auto")),
+    field!(hair.flyaway, "flyaway", Kind::Number { min: 0.0, max: 1.0 },
+        "stray strands of a builtin groom", unset: Some("auto")),
+    field!(
+        head.source,
+        "head",
+        Kind::Source {
+            builtins: &[],
+            words: &["auto", "builtin", "none"]
+        },
+        "head under the hair: .obj; auto is builtin for builtin hair, else none"
+    ),
+    field!(
+        environment.source,
+        "env",
+        Kind::Source {
+            builtins: &["studio", "sunset", "overcast", "night"],
+            words: &[]
+        },
+        "lat-long map that lights the scene: .exr, .hdr"
+    ),
+    field!(environment.rotation_deg, "env-rotation", ANGLE,
+        "turn of the light about the vertical, counter-clockwise from above", unit: "degrees"),
+    field!(environment.exposure, "env-exposure", STOPS, "exposure of the light", unit: "stops"),
+    field!(
+        environment.lights,
+        "lights",
+        Kind::Integer {
+            min: 1.0,
+            max: 256.0
+        },
+        "lights fitted to the map"
+    ),
+    Field {
+        get: |scene| Some(scene.fibre.preset.value()),
+        set: |scene, value| {
+            let named = |p: &&preset::Preset| Value::Text(p.name.to_owned()) == value;
+            if let Some(preset) = PRESETS.iter().find(named) {
+                scene.fibre.set_preset(preset);
+            }
+        },
+        ..field(
+            preset::KEY,
+            "preset",
+            Kind::Choice(preset::NAMES),
+            "colour, roughness and tilt to start from",
+        )
+    },
+    field!(
+        fibre.eta,
+        "eta",
+        Kind::Number { min: 1.0, max: 3.0 },
+        "index of refraction"
+    ),
+    Field {
+        alternative: color_by("absorption"),
+        get: |scene| match scene.fibre.pigment {
+            Pigment::Absorption(sigma_a) => Some(sigma_a.value()),
+            _ => None,
+        },
+        set: |scene, value| {
+            let mut sigma_a = [0.0; 3];
+            sigma_a.assign(value);
+            scene.fibre.pigment = Pigment::Absorption(sigma_a);
+        },
+        ..field(
+            "fibre.sigma_a",
+            "sigma-a",
+            Kind::Vector {
+                min: 0.0,
+                max: 1000.0,
+            },
+            "absorption per fibre radius, linear RGB",
+        )
+    },
+    Field {
+        alternative: color_by("melanin"),
+        get: |scene| match scene.fibre.pigment {
+            Pigment::Melanin { eumelanin, .. } => Some(eumelanin.value()),
+            _ => None,
+        },
+        set: |scene, value| {
+            let [mut eumelanin, pheomelanin] = scene.fibre.melanin();
+            eumelanin.assign(value);
+            scene.fibre.pigment = Pigment::Melanin {
+                eumelanin,
+                pheomelanin,
+            };
+        },
+        ..field(
+            "fibre.eumelanin",
+            "eumelanin",
+            CONCENTRATION,
+            "concentration of brown pigment; blond 0.3, brown 1.3, black 8",
+        )
+    },
+    Field {
+        alternative: color_by("melanin"),
+        get: |scene| match scene.fibre.pigment {
+            Pigment::Melanin { pheomelanin, .. } => Some(pheomelanin.value()),
+            _ => None,
+        },
+        set: |scene, value| {
+            let [eumelanin, mut pheomelanin] = scene.fibre.melanin();
+            pheomelanin.assign(value);
+            scene.fibre.pigment = Pigment::Melanin {
+                eumelanin,
+                pheomelanin,
+            };
+        },
+        ..field(
+            "fibre.pheomelanin",
+            "pheomelanin",
+            CONCENTRATION,
+            "concentration of red pigment",
+        )
+    },
+    Field {
+        alternative: color_by("color"),
+        get: |scene| match scene.fibre.pigment {
+            Pigment::Color(color) => Some(color.value()),
+            _ => None,
+        },
+        set: |scene, value| {
+            let mut color = [0.0; 3];
+            color.assign(value);
+            scene.fibre.pigment = Pigment::Color(color);
+        },
+        ..field(
+            "fibre.color",
+            "color",
+            Kind::Color {
+                min: 0.001,
+                max: 0.999,
+                words: &[],
+            },
+            "wanted colour of the hair as a whole (approximate)",
+        )
+    },
+    field!(fibre.beta_r_deg, "beta-r", BETA, "longitudinal width of R", unit: "degrees"),
+    field!(fibre.beta_tt_deg, "beta-tt", BETA, "longitudinal width of TT; linked is half of R's",
+        unit: "degrees", unset: Some("linked")),
+    field!(fibre.beta_trt_deg, "beta-trt", BETA, "longitudinal width of TRT; linked is twice R's",
+        unit: "degrees", unset: Some("linked")),
+    field!(fibre.alpha_r_deg, "alpha-r", ALPHA, "longitudinal shift of R, negative to the root",
+        unit: "degrees"),
+    field!(fibre.alpha_tt_deg, "alpha-tt", ALPHA, "longitudinal shift of TT; linked is -1/2 of R's",
+        unit: "degrees", unset: Some("linked")),
+    field!(fibre.alpha_trt_deg, "alpha-trt", ALPHA,
+        "longitudinal shift of TRT; linked is -3/2 of R's", unit: "degrees", unset: Some("linked")),
+    field!(fibre.w_c, "w-c", Kind::Number { min: 0.01, max: 1.0 }, "azimuthal width of the glints",
+        unit: "radians"),
+    field!(
+        fibre.eccentricity,
+        "eccentricity",
+        Kind::Number { min: 0.5, max: 2.0 },
+        "ratio of the cross section's axes; 1 is round"
+    ),
+    field!(
+        fibre.diameter,
+        "diameter",
+        Kind::Number { min: 0.0, max: 1e6 },
+        "diameter of a fibre, in the hair's unit; 0 fits it to the hair"
+    ),
+    Field {
+        alternative: view_by("position"),
+        get: |scene| match scene.camera.view {
+            View::Position(position) => Some(position.value()),
+            View::Orbit(_) => None,
+        },
+        set: |scene, value| {
+            let mut position = [0.0; 3];
+            position.assign(value);
+            scene.camera.view = View::Position(position);
+        },
+        ..field(
+            "camera.position",
+            "position",
+            POINT,
+            "where the camera stands, in the world",
+        )
+    },
+    field!(camera.target, "target", POINT, "what it looks at; auto is the middle of the hair",
+        unset: Some("auto")),
+    field!(camera.fov_deg, "fov", Kind::Number { min: 1.0, max: 120.0 }, "vertical field of view",
+        unit: "degrees"),
+    Field {
+        unit: "degrees",
+        get: |scene| orbit_of(scene).map(|orbit| orbit.azimuth_deg.value()),
+        set: |scene, value| edit_orbit(scene, |orbit| orbit.azimuth_deg.assign(value)),
+        ..orbit_field(
+            "camera.azimuth_deg",
+            "azimuth",
+            ANGLE,
+            "camera's angle from the face to +x",
+        )
+    },
+    Field {
+        unit: "degrees",
+        get: |scene| orbit_of(scene).map(|orbit| orbit.elevation_deg.value()),
+        set: |scene, value| edit_orbit(scene, |orbit| orbit.elevation_deg.assign(value)),
+        ..orbit_field(
+            "camera.elevation_deg",
+            "elevation",
+            Kind::Number {
+                min: -90.0,
+                max: 90.0,
+            },
+            "camera's angle above the horizon",
+        )
+    },
+    Field {
+        unset: Some("auto"),
+        get: |scene| orbit_of(scene).map(|orbit| orbit.distance.value()),
+        set: |scene, value| edit_orbit(scene, |orbit| orbit.distance.assign(value)),
+        ..orbit_field(
+            "camera.distance",
+            "distance",
+            Kind::Number {
+                min: 0.01,
+                max: 1000.0,
+            },
+            "camera's distance in radii of the hair; auto frames it",
+        )
+    },
+    field!(
+        render.method,
+        "method",
+        Kind::Choice(Method::WORDS),
+        "how a mode is integrated against a light; xu is Xu et al. 2011"
+    ),
+    field!(
+        render.segments,
+        "segments",
+        Kind::Integer {
+            min: 2.0,
+            max: 16.0
+        },
+        "segments of the longitudinal quadrature"
+    ),
+    field!(
+        render.samples,
+        "samples",
+        Kind::Integer {
+            min: 1.0,
+            max: 1024.0
+        },
+        "samples a pixel: time for quality"
+    ),
+    field!(
+        render.scattering,
+        "scattering",
+        Kind::Choice(Scattering::WORDS),
+        "which scattering is shown; all but both are for study"
+    ),
+    field!(
+        render.adapter,
+        "adapter",
+        Kind::Text,
+        "auto, cpu, or part of an adapter's name"
+    ),
+    field!(output.path, "output", Kind::Output(&["png", "exr"]), "image to write",
+        short: Some('o')),
+    field!(
+        output.size,
+        "size",
+        Kind::Size {
+            min: 1.0,
+            max: 8192.0
+        },
+        "width and height of the image"
+    ),
+    Field {
+        get: |scene| {
+            Some(match scene.output.background {
+                Background::Environment => Value::Text("environment".to_owned()),
+                Background::Transparent => Value::Text("transparent".to_owned()),
+                Background::Color(color) => color.value(),
+            })
+        },
+        set: |scene, value| {
+            scene.output.background = match value {
+                Value::Text(word) if word == "transparent" => Background::Transparent,
+                Value::Text(_) => Background::Environment,
+                value => {
+                    let mut color = [0.0; 3];
+                    color.assign(value);
+                    Background::Color(color)
+                }
+            }
+        },
+        ..field(
+            "output.background",
+            "background",
+            Kind::Color {
+                min: 0.0,
+                max: 1000.0,
+                words: &["environment", "transparent"],
+            },
+            "what is seen past the hair",
+        )
+    },
+    field!(output.exposure, "exposure", STOPS, "exposure before tone mapping", unit: "stops",
+        unset: Some("auto")),
+    field!(output.stats, "stats", Kind::Output(&["json"]), "figures to write",
+        unset: Some("none")),
+    field!(
+        output.turntable,
+        "turntable",
+        Kind::Integer {
+            min: 0.0,
+            max: 3600.0
+        },
+        "frames of a turn around the hair, numbered; 0 is a still"
+    ),
+];
+
+const fn orbit_field(
+    key: &'static str,
+    flag: &'static str,
+    kind: Kind,
+    help: &'static str,
+) -> Field {
+    Field {
+        alternative: view_by("orbit"),
+        ..field(key, flag, kind, help)
+    }
+}
+
+fn orbit_of(scene: &Scene) -> Option<Orbit> {
+    match scene.camera.view {
+        View::Orbit(orbit) => Some(orbit),
+        View::Position(_) => None,
+    }
+}
+
+/// Changes the orbit; a camera with a position goes to the default orbit first.
+fn edit_orbit(scene: &mut Scene, edit: impl FnOnce(&mut Orbit)) {
+    let mut orbit = orbit_of(scene).unwrap_or_default();
+    edit(&mut orbit);
+    scene.camera.view = View::Orbit(orbit);
+}

@@ -1,0 +1,205 @@
+//! Light transport: how much of each light reaches each point. It knows geometry and lights alone, so
+//! an edit of colour or roughness rebuilds nothing here.
+//!
+//! Xu 2011 takes the effective transmittance T̃(ω_j, λ_j) from Ren et al.'s convolution optical depth
+//! maps, one a light, whose kernel is not public. Here every lobe is sampled by directions of equal weight;
+//! for each, optical depth τ is read from one direction-aware density volume (`volume`, `sheared`) and the
+//! head's visibility V from a depth map (`shadow`). Stored for each point and light are the means over the
+//! lobe of V e^(−sτ) at s = 1 (T̃ itself), s = ¼ and s = 0, from which the shader finds the mean for any
+//! s = 1 − ā_f: that is dual scattering's forward transmittance when crossings are Poisson, whatever the
+//! colour. A fourth mean tells how much hair lies beyond the point, which local multiple scattering needs:
+//! a lone strand has no neighbours to scatter light back.
+//!
+//! Measured by `capture --verify` against rays cast through the real strands: see README, "Limits".
+
+pub mod rays;
+pub mod shadow;
+pub mod sheared;
+pub mod volume;
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::head::Head;
+use crate::srbf::{SrbfLight, lobe_integral};
+use shadow::HeadShadow;
+use sheared::OpticalDepth;
+use volume::Volume;
+
+/// Cells along the longest edge of the density volume.
+pub const RESOLUTION: usize = 64;
+/// A query steps this many cells towards the light, so that a strand does not shade itself.
+const STEP_OUT: f32 = 0.25;
+/// The head's shadow starts this share of its radius below the surface, so that roots are not shaded by
+/// the scalp that they stand on.
+const HEAD_BIAS: f32 = 0.03;
+/// Most directions for one lobe.
+const MAX_DIRECTIONS: usize = 32;
+
+/// The means over a light's lobe at one point, each in 0…1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reach {
+    /// T̃ = mean of V e^(−τ).
+    pub direct: f32,
+    /// Mean of V e^(−τ/4).
+    pub quarter: f32,
+    /// Mean of V: what the head leaves.
+    pub open: f32,
+    /// Mean of e^(−τ′/2), τ′ the optical depth beyond the point, away from the light.
+    pub beyond: f32,
+}
+
+impl Reach {
+    /// Square roots in 10, 8, 6 and 8 bits: errors of at most 0.001, 0.004, 0.016 and 0.004.
+    /// shaders/shade.wgsl unpacks them.
+    pub fn pack(self) -> u32 {
+        let code = |v: f32, top: f32| (v.clamp(0.0, 1.0).sqrt() * top).round() as u32;
+        code(self.direct, 1023.0)
+            | code(self.quarter, 255.0) << 10
+            | code(self.open, 63.0) << 18
+            | code(self.beyond, 255.0) << 24
+    }
+
+    pub fn unpack(bits: u32) -> Reach {
+        let value = |shift: u32, top: u32| ((bits >> shift & top) as f32 / top as f32).powi(2);
+        Reach {
+            direct: value(0, 1023),
+            quarter: value(10, 255),
+            open: value(18, 63),
+            beyond: value(24, 255),
+        }
+    }
+}
+
+/// Directions of equal weight that stand for a lobe: one for a narrow light, 32 for a wide one.
+pub fn lobe_directions(light: &SrbfLight) -> Vec<DVec3> {
+    let count = (60.0 * light.lambda.powi(2)).ceil().clamp(1.0, MAX_DIRECTIONS as f64) as usize;
+    sample_lobe(light, count)
+}
+
+/// `count` directions that follow the lobe's own density, by its inverse distribution and a golden spiral.
+pub fn sample_lobe(light: &SrbfLight, count: usize) -> Vec<DVec3> {
+    if count == 1 {
+        return vec![light.direction];
+    }
+    let golden = PI * (3.0 - 5f64.sqrt());
+    let (tangent, bitangent) = light.direction.any_orthonormal_pair();
+    let half_lambda2 = 0.5 * light.lambda.powi(2);
+    (0..count)
+        .map(|k| {
+            let u = (k as f64 + 0.5) / count as f64;
+            // 1 − cos γ from the distribution of exp(2(cos γ − 1)/λ²), without cancelling for small λ.
+            let drop = (-half_lambda2 * (u * (-2.0 / half_lambda2).exp_m1()).ln_1p()).clamp(0.0, 2.0);
+            let sin = (drop * (2.0 - drop)).sqrt();
+            let (s, c) = (golden * k as f64 % TAU).sin_cos();
+            (light.direction * (1.0 - drop) + (tangent * c + bitangent * s) * sin).normalize()
+        })
+        .collect()
+}
+
+/// What stands in the light's way.
+pub struct Occluders<'a> {
+    pub volume: &'a Volume,
+    pub head: Option<&'a Head>,
+}
+
+/// What stands between the points and one direction.
+struct Way {
+    omega: Vec3,
+    depth: OpticalDepth,
+    shadow: Option<HeadShadow>,
+}
+
+impl Way {
+    /// V, and τ towards the light and beyond, at `p` in cells.
+    fn look(&self, p: Vec3) -> (f32, f32, f32) {
+        let shear = &self.depth.shear;
+        let open = self.shadow.as_ref().map_or(1.0, |s| s.visibility(shear.apply(p)));
+        let (tau, beyond) = self.depth.tau(shear.apply(p + STEP_OUT * self.omega));
+        (open, tau, beyond)
+    }
+}
+
+impl Occluders<'_> {
+    fn ways<'a>(&'a self, directions: &'a [DVec3]) -> impl Iterator<Item = Way> + 'a {
+        let head = self.head.map(|head| {
+            let cells: Vec<Vec3> = head.positions.iter().map(|&p| self.volume.to_cells(p)).collect();
+            let low = cells.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+            let high = cells.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+            (cells, &head.triangles, HEAD_BIAS * 0.5 * (high - low).min_element())
+        });
+        directions.iter().map(move |omega| {
+            let omega = omega.as_vec3();
+            let depth = OpticalDepth::new(self.volume, omega);
+            let shadow =
+                head.as_ref().map(|(v, t, bias)| HeadShadow::new(v, t, &depth.shear, *bias));
+            Way { omega, depth, shadow }
+        })
+    }
+
+    /// The reach of `light` (world frame, rotated) at each of `points`.
+    pub fn reach(&self, light: &SrbfLight, points: &[Vec3]) -> Vec<Reach> {
+        let directions = lobe_directions(light);
+        let weight = 1.0 / directions.len() as f32;
+        let mut means = vec![Reach::default(); points.len()];
+        for way in self.ways(&directions) {
+            for (mean, &p) in means.iter_mut().zip(points) {
+                let (open, tau, beyond) = way.look(self.volume.to_cells(p));
+                mean.beyond += weight * (-0.5 * beyond).exp();
+                if open > 0.0 {
+                    let quarter = (-0.25 * tau).exp();
+                    mean.open += weight * open;
+                    mean.quarter += weight * open * quarter;
+                    mean.direct += weight * open * quarter.powi(4);
+                }
+            }
+        }
+        means
+    }
+
+    /// Irradiance at the head's vertices from `lights`, through the hair: linear RGB.
+    pub fn head_irradiance(&self, head: &Head, lights: &[SrbfLight]) -> Vec<Vec3> {
+        let cells: Vec<Vec3> = head.positions.iter().map(|&p| self.volume.to_cells(p)).collect();
+        let add = |mut total: Vec<Vec3>, light: &SrbfLight| {
+            let directions = lobe_directions(light);
+            let rgb = Vec3::from(light.rgb.map(|c| c as f32));
+            let share = rgb * (lobe_integral(light.lambda) / directions.len() as f64) as f32;
+            for way in self.ways(&directions) {
+                for ((sum, normal), &p) in total.iter_mut().zip(&head.normals).zip(&cells) {
+                    let cosine = normal.dot(way.omega);
+                    if cosine > 0.0 {
+                        let (open, tau, _) = way.look(p);
+                        *sum += share * (open * (-tau).exp() * cosine);
+                    }
+                }
+            }
+            total
+        };
+        let zero = || vec![Vec3::ZERO; cells.len()];
+        let parts: Vec<Vec<Vec3>> =
+            lights.par_chunks(8).map(|chunk| chunk.iter().fold(zero(), add)).collect();
+        parts.into_iter().fold(zero(), |mut total, part| {
+            total.iter_mut().zip(part).for_each(|(t, p)| *t += p);
+            total
+        })
+    }
+}
+
+/// The packed reach of every light at every point, light by light: `result[j][i]` is light j at point i.
+/// `tick` is called once a light is done; false cancels, and the result is then None.
+pub fn all(
+    occluders: &Occluders,
+    lights: &[SrbfLight],
+    points: &[Vec3],
+    tick: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<Vec<u32>>> {
+    lights
+        .par_iter()
+        .map(|light| {
+            let packed = occluders.reach(light, points).into_iter().map(Reach::pack).collect();
+            tick().then_some(packed)
+        })
+        .collect()
+}

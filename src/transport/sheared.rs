@@ -1,0 +1,139 @@
+//! Optical depth towards one direction, for every place at once.
+//!
+//! The volume's slices across the direction's main axis are sheared so that its rays become columns; a
+//! running sum down the columns then holds τ on each plane between slices, and any point looks it up by
+//! trilinear interpolation. One bilinear resampling is all the blur there is, and the cost is one visit a
+//! cell and direction, whatever the number of points.
+
+use glam::Vec3;
+
+use super::volume::Volume;
+
+/// Sheared coordinates of a direction: (column x, column y, depth towards the light), in cells.
+pub struct Shear {
+    /// Index of the main axis and of the two others.
+    axes: [usize; 3],
+    /// +1 where the light lies towards greater main coordinates.
+    sign: f32,
+    /// Slope of a ray: change of the other coordinates for each cell of the main one.
+    slope: [f32; 2],
+    /// Path length through one slice, in cells.
+    pub stretch: f32,
+}
+
+impl Shear {
+    pub fn new(omega: Vec3) -> Shear {
+        let w = omega.to_array();
+        let main = (0..3).max_by(|&a, &b| w[a].abs().total_cmp(&w[b].abs())).unwrap_or(2);
+        let [a, b] = [(main + 1) % 3, (main + 2) % 3];
+        Shear {
+            axes: [a, b, main],
+            sign: w[main].signum(),
+            slope: [w[a] / w[main], w[b] / w[main]],
+            stretch: 1.0 / w[main].abs(),
+        }
+    }
+
+    /// A position to (column, column, depth); points of one ray share the columns, and depth grows
+    /// towards the light.
+    pub fn apply(&self, p: Vec3) -> [f32; 3] {
+        let p = p.to_array();
+        let depth = p[self.axes[2]];
+        [
+            p[self.axes[0]] - depth * self.slope[0],
+            p[self.axes[1]] - depth * self.slope[1],
+            depth * self.sign,
+        ]
+    }
+}
+
+/// τ on the planes between slices, over sheared columns.
+pub struct OpticalDepth {
+    pub shear: Shear,
+    /// Least column index, so that column c of the table is c + first.
+    first: [i32; 2],
+    columns: [usize; 2],
+    slices: usize,
+    /// Plane p (0: light side) at `tau[(p * columns[1] + y) * columns[0] + x]`; slices + 1 planes.
+    tau: Vec<f32>,
+}
+
+impl OpticalDepth {
+    pub fn new(volume: &Volume, omega: Vec3) -> OpticalDepth {
+        let shear = Shear::new(omega);
+        let crossings = volume.crossings_per_cell(omega);
+        let n = shear.axes.map(|a| volume.dims[a]);
+        let stride = {
+            let strides = [1, volume.dims[0], volume.dims[0] * volume.dims[1]];
+            shear.axes.map(|a| strides[a])
+        };
+        let extent = |axis: usize| {
+            let shift = -(n[2] as f32) * shear.slope[axis];
+            let first = shift.min(0.0).floor() as i32 - 1;
+            (first, (n[axis] as f32 + shift.max(0.0)).ceil() as i32 - first + 2)
+        };
+        let ((first_x, width), (first_y, height)) = (extent(0), extent(1));
+        let (width, height) = (width as usize, height as usize);
+        let mut tau = vec![0.0f32; (n[2] + 1) * width * height];
+        for plane in 0..n[2] {
+            let slice = if shear.sign > 0.0 { n[2] - 1 - plane } else { plane };
+            let (done, rest) = tau.split_at_mut((plane + 1) * width * height);
+            let above = &done[plane * width * height..];
+            let below = &mut rest[..width * height];
+            below.copy_from_slice(above);
+            // The slice's cells, shifted by the shear at its middle: constant weights for a whole slice.
+            let middle = slice as f32 + 0.5;
+            let shift = [middle * shear.slope[0], middle * shear.slope[1]];
+            let whole = shift.map(|s| (-s).floor());
+            let fraction = [-shift[0] - whole[0], -shift[1] - whole[1]];
+            let [to_x, to_y] =
+                [whole[0] as i32 - first_x, whole[1] as i32 - first_y].map(|o| o.max(0) as usize);
+            for b in 0..n[1] {
+                for a in 0..n[0] {
+                    let c = crossings[a * stride[0] + b * stride[1] + slice * stride[2]];
+                    if c == 0.0 {
+                        continue;
+                    }
+                    let c = c * shear.stretch;
+                    let at = (b + to_y) * width + a + to_x;
+                    let [fx, fy] = fraction;
+                    below[at] += c * (1.0 - fx) * (1.0 - fy);
+                    below[at + 1] += c * fx * (1.0 - fy);
+                    below[at + width] += c * (1.0 - fx) * fy;
+                    below[at + width + 1] += c * fx * fy;
+                }
+            }
+        }
+        OpticalDepth {
+            shear,
+            first: [first_x, first_y],
+            columns: [width, height],
+            slices: n[2],
+            tau,
+        }
+    }
+
+    /// τ from sheared coordinates `q` (see [`Shear::apply`]) to infinity towards the light, and from there
+    /// to infinity away from it; (0, 0) beside the volume.
+    pub fn tau(&self, q: [f32; 3]) -> (f32, f32) {
+        let plane = if self.shear.sign > 0.0 { self.slices as f32 - q[2] } else { -q[2] };
+        let plane = plane.clamp(0.0, self.slices as f32);
+        let x = q[0] - 0.5 - self.first[0] as f32;
+        let y = q[1] - 0.5 - self.first[1] as f32;
+        let [w, h] = self.columns;
+        if !(x >= 0.0 && y >= 0.0 && x < (w - 1) as f32 && y < (h - 1) as f32) {
+            return (0.0, 0.0);
+        }
+        let (i, j, k) = (x as usize, y as usize, (plane as usize).min(self.slices - 1));
+        let (fx, fy, fz) = (x - i as f32, y - j as f32, plane - k as f32);
+        let at = |k: usize| {
+            let row = &self.tau[(k * h + j) * w + i..];
+            let top = row[0] + fx * (row[1] - row[0]);
+            let bottom = row[w] + fx * (row[w + 1] - row[w]);
+            top + fy * (bottom - top)
+        };
+        let (near, far) = (at(k), at(k + 1));
+        let tau = near + fz * (far - near);
+        (tau, (at(self.slices) - tau).max(0.0))
+    }
+}

@@ -1,0 +1,98 @@
+//! Hair density as a volume that knows direction.
+//!
+//! Each cell holds S = Σ d l t⊗t / V over the segments in it (diameter d, length l, unit tangent t). A ray
+//! along ω meets ρ(ω) = Σ d l √(1 − (t·ω)²) / V fibres a unit length; with s = tr S we take
+//! ρ(ω) = √(s² − s ωᵀSω), exact where the fibres of a cell are parallel, and 4 % high (0.816 against π/4)
+//! where they point everywhere.
+
+use glam::Vec3;
+
+/// A grid of cubic cells around the hair. Cell (i, j, k) is at `cells[(k * dims[1] + j) * dims[0] + i]`.
+pub struct Volume {
+    /// World position of the corner of cell (0, 0, 0).
+    pub origin: Vec3,
+    /// Edge of a cell, world units.
+    pub cell: f32,
+    pub dims: [usize; 3],
+    /// S_xx, S_yy, S_zz, S_xy, S_xz, S_yz, per world unit of length.
+    pub cells: Vec<[f32; 6]>,
+}
+
+impl Volume {
+    /// Builds the volume over the box `min`…`max` with `resolution` cells along its longest edge.
+    /// `segments` yields (start, end, diameter) in world units; what lies outside the box is left out.
+    pub fn build(
+        segments: impl Iterator<Item = (Vec3, Vec3, f32)>,
+        min: Vec3,
+        max: Vec3,
+        resolution: usize,
+    ) -> Volume {
+        let size = max - min;
+        // One empty cell on each side, so that trilinear splats stay inside.
+        let cell = (size.max_element() / (resolution.max(3) - 2) as f32).max(f32::MIN_POSITIVE);
+        let dims = size.to_array().map(|s| ((s / cell).ceil() as usize + 2).max(3));
+        let origin = 0.5 * (min + max)
+            - 0.5 * cell * Vec3::new(dims[0] as f32, dims[1] as f32, dims[2] as f32);
+        let mut volume =
+            Volume { origin, cell, dims, cells: vec![[0.0; 6]; dims[0] * dims[1] * dims[2]] };
+        for (a, b, diameter) in segments {
+            volume.splat(a, b, diameter);
+        }
+        volume
+    }
+
+    fn splat(&mut self, a: Vec3, b: Vec3, diameter: f32) {
+        let length = a.distance(b);
+        if length <= 0.0 {
+            return;
+        }
+        let t = (b - a) / length;
+        let pieces = (2.0 * length / self.cell).ceil().max(1.0);
+        let weight = diameter * length / pieces / self.cell.powi(3);
+        let tensor = [t.x * t.x, t.y * t.y, t.z * t.z, t.x * t.y, t.x * t.z, t.y * t.z];
+        for piece in 0..pieces as usize {
+            let p = a.lerp(b, (piece as f32 + 0.5) / pieces);
+            let q = self.to_cells(p) - 0.5;
+            let base = q.floor();
+            let f = q - base;
+            for corner in 0..8usize {
+                let [i, j, k] = [corner & 1, (corner >> 1) & 1, corner >> 2];
+                let [x, y, z] =
+                    [base.x as isize + i as isize, base.y as isize + j as isize, base.z as isize + k as isize];
+                let inside = [x, y, z].iter().zip(self.dims).all(|(&c, n)| c >= 0 && c < n as isize);
+                if inside {
+                    let w = weight
+                        * [1.0 - f.x, f.x][i]
+                        * [1.0 - f.y, f.y][j]
+                        * [1.0 - f.z, f.z][k];
+                    let index = (z as usize * self.dims[1] + y as usize) * self.dims[0] + x as usize;
+                    for (s, u) in self.cells[index].iter_mut().zip(tensor) {
+                        *s += w * u;
+                    }
+                }
+            }
+        }
+    }
+
+    /// World position to cells: the corner of cell (0, 0, 0) is the origin.
+    pub fn to_cells(&self, p: Vec3) -> Vec3 {
+        (p - self.origin) / self.cell
+    }
+
+    /// ρ(ω) · cell for every cell: crossings expected over one cell's edge, for unit ω.
+    pub fn crossings_per_cell(&self, omega: Vec3) -> Vec<f32> {
+        let [x, y, z] = omega.to_array();
+        let quadratic = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z];
+        self.cells
+            .iter()
+            .map(|c| {
+                let s = c[0] + c[1] + c[2];
+                if s == 0.0 {
+                    return 0.0;
+                }
+                let along: f32 = c.iter().zip(quadratic).map(|(a, b)| a * b).sum();
+                self.cell * (s * (s - along)).max(0.0).sqrt()
+            })
+            .collect()
+    }
+}
