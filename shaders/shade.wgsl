@@ -11,6 +11,13 @@
 const D_B = 0.7;
 const D_F = 0.7;
 
+// A light of which less than this share arrives is left out: at most so much of the unshadowed radiance.
+const NEGLIGIBLE = 5e-4;
+
+const SINGLE = 1u;
+const GLOBAL = 2u;
+const LOCAL = 4u;
+
 struct Light {
     direction: vec3f,
     lambda: f32,
@@ -20,7 +27,7 @@ struct Light {
 
 struct Shading {
     eye: vec3f,
-    parts: u32,         // bits: 1 single, 2 global, 4 local
+    parts: u32,         // SINGLE | GLOBAL | LOCAL
     first_light: u32,   // lights arrive in groups that keep a buffer under 128 MiB
     lights: u32,
     points: u32,
@@ -69,7 +76,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
         let open = square(f32((bits >> 18u) & 63u) / 63.0);
         let beyond = square(f32(bits >> 24u) / 255.0);
-        if (open == 0.0) {
+        if (max(direct, quarter) < NEGLIGIBLE) {
             continue;
         }
         let light = lights[shading.first_light + j];
@@ -97,19 +104,27 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         let sigma_f = sqrt(light.lambda * light.lambda + spread2);
         let back = D_B * (1.0 - exp(4.0 * s * log(max(beyond, 1e-6))));
 
+        // Loops that run once: see resolve.wgsl.
         var scattered = vec3f(0.0);
-        if ((shading.parts & 1u) != 0u && direct > 0.0) {
-            let m = single_scattering(fibre, theta_o, theta_j, phi, cos_sum, light.lambda);
-            scattered += direct * (energy_o.x * m.r + energy_o.y * m.tt + energy_o.z * m.trt);
+        for (var lit = direct >= NEGLIGIBLE; lit; lit = false) {
+            if ((shading.parts & SINGLE) != 0u) {
+                let m = single_scattering(fibre, theta_o, theta_j, phi, cos_sum, light.lambda);
+                scattered += direct * (energy_o.x * m.r + energy_o.y * m.tt + energy_o.z * m.trt);
+            }
+            if ((shading.parts & LOCAL) != 0u) {
+                scattered += back * direct * local_scattering_direct(fibre, theta_o, theta_j, phi, light.lambda);
+            }
         }
         let forward_energy = light.energy * forward;
-        if ((shading.parts & 2u) != 0u) {
-            let m = global_scattering(fibre, theta_o, theta_j, phi, sigma_f);
-            scattered += forward_energy * (energy_o.x * m.r + energy_o.y * m.tt + energy_o.z * m.trt);
-        }
-        if ((shading.parts & 4u) != 0u) {
-            scattered += back * (direct * local_scattering_direct(fibre, theta_o, theta_j, phi, light.lambda)
-                + forward_energy * local_scattering_forward(fibre, theta_o, theta_j, phi, sigma_f));
+        for (var lit = any(forward >= vec3f(NEGLIGIBLE)); lit; lit = false) {
+            if ((shading.parts & GLOBAL) != 0u) {
+                let m = global_scattering(fibre, theta_o, theta_j, phi, sigma_f);
+                scattered += forward_energy * (energy_o.x * m.r + energy_o.y * m.tt + energy_o.z * m.trt);
+            }
+            if ((shading.parts & LOCAL) != 0u) {
+                scattered += back * forward_energy
+                    * local_scattering_forward(fibre, theta_o, theta_j, phi, sigma_f);
+            }
         }
         total += light.rgb * scattered;
     }

@@ -26,7 +26,7 @@ use crate::stats::{
 };
 use crate::transport::rays::RealStrands;
 use crate::transport::volume::Volume;
-use crate::transport::{self, Occluders};
+use crate::transport::{self, Occluders, Transport};
 
 /// Diffuse reflectance of the head: warm clay.
 const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
@@ -92,12 +92,12 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let volume = density(&hair, &diameters, center, radius);
     let occluders = Occluders { volume: &volume, head: head.as_ref() };
     let bar = clock.bar("light transport");
-    let reach = transport::all(&occluders, &lights, &hair.points, &|| {
+    let transport = transport::transport(&occluders, &lights, &hair.points, &|| {
         bar.inc((1000 / lights.len().max(1)) as u64);
         !clock.cancelled()
     });
     bar.finish_and_clear();
-    let Some(reach) = reach else { bail!("cancelled") };
+    let Some(Transport { reach, head_irradiance }) = transport else { bail!("cancelled") };
     clock.step("transport")?;
 
     let fibre = scene.fibre.resolve();
@@ -110,12 +110,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     };
     let mut renderer = Renderer::new(gpu, &fibre, &hair, &diameters, head.as_ref(), center)?;
     renderer.set_lights(&lights, &reach);
-    if let Some(head) = &head {
-        let irradiance = occluders.head_irradiance(head, &lights);
-        let radiance: Vec<Vec3> =
-            irradiance.iter().map(|e| *e * HEAD_ALBEDO / std::f32::consts::PI).collect();
-        renderer.set_head_radiance(&radiance);
-    }
+    let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
+    renderer.set_head_radiance(&head_irradiance.iter().map(|e| *e * to_radiance).collect::<Vec<_>>());
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(&map.environment, scene.environment.rotation_deg.to_radians() as f32, gain);
     clock.step("upload")?;

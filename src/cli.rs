@@ -37,6 +37,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 wrong input, 2 wrong usage, 130 
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
+    quiet_vulkan();
     let mut command = command();
     let matches = command.get_matches_mut();
     // Without a handler Ctrl-C still ends the process, so a failure to install it changes little.
@@ -63,6 +64,15 @@ pub fn main() -> ExitCode {
             eprintln!("error: {}", line.join(" "));
             ExitCode::FAILURE
         }
+    }
+}
+
+/// Without a session, Mesa's device-select layer looks for a display and complains on stderr; it only
+/// reorders adapters, which `--adapter` does here.
+fn quiet_vulkan() {
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        // SAFETY: this runs first of all, before any other thread.
+        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
     }
 }
 

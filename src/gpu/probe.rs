@@ -30,7 +30,10 @@ pub fn run(
     tables: &ProbeTables,
     inputs: &[[f32; INPUTS]],
 ) -> Result<Vec<[f32; OUTPUTS]>> {
-    ensure!(!inputs.is_empty() && inputs.len() <= ITEMS_MAX, "a probe takes 1 to {ITEMS_MAX} inputs");
+    ensure!(
+        !inputs.is_empty() && inputs.len() <= ITEMS_MAX,
+        "a probe takes 1 to {ITEMS_MAX} inputs"
+    );
     let device = &gpu.device;
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("probe"),
@@ -40,7 +43,11 @@ pub fn run(
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        ty: wgpu::BindingType::Buffer {
+            ty,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
         count: None,
     };
     let layout = |entries: &[_]| {
@@ -59,11 +66,13 @@ pub fn run(
     ];
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some("probe"),
-        layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("probe"),
-            bind_group_layouts: &[Some(&layouts[0]), Some(&layouts[1])],
-            ..Default::default()
-        })),
+        layout: Some(
+            &device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("probe"),
+                bind_group_layouts: &[Some(&layouts[0]), Some(&layouts[1])],
+                ..Default::default()
+            }),
+        ),
         module: &module,
         entry_point: Some("probe"),
         compilation_options: Default::default(),
@@ -78,9 +87,18 @@ pub fn run(
         })
     };
     let buffers = [
-        buffer(bytemuck::bytes_of(&tables.fibre), wgpu::BufferUsages::UNIFORM),
-        buffer(bytemuck::cast_slice(tables.circle_table), wgpu::BufferUsages::STORAGE),
-        buffer(bytemuck::cast_slice(tables.fibre_table), wgpu::BufferUsages::STORAGE),
+        buffer(
+            bytemuck::bytes_of(&tables.fibre),
+            wgpu::BufferUsages::UNIFORM,
+        ),
+        buffer(
+            bytemuck::cast_slice(tables.circle_table),
+            wgpu::BufferUsages::STORAGE,
+        ),
+        buffer(
+            bytemuck::cast_slice(tables.fibre_table),
+            wgpu::BufferUsages::STORAGE,
+        ),
         buffer(bytemuck::cast_slice(inputs), wgpu::BufferUsages::STORAGE),
     ];
     let output = buffer(

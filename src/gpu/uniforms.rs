@@ -2,9 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::scattering::{
-    azimuthal::FitLayers, fibre::Fibre, longitudinal::longitudinal_bandwidth,
-};
+use crate::scattering::{azimuthal::FitLayers, fibre::Fibre, longitudinal::longitudinal_bandwidth};
 
 /// `Fibre` of shaders/fibre.wgsl.
 #[repr(C)]

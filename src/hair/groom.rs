@@ -101,8 +101,15 @@ struct Style {
     wave_pitch: f32,
     /// 0: a helix; 1: a wave in the plane of the surface.
     wave_flatness: f32,
-    /// Share of a turn by which strands of one lock differ in phase.
+    /// Turns by which strands of one wisp, and wisps of one lock, differ in phase.
     wave_jitter: f32,
+    wave_spread: f32,
+    /// Number of wisps: the fewer, the thicker each. It does not depend on the number of strands.
+    wisps: usize,
+    /// How far a common strand lies and wanders from its wisp's centre.
+    noise: f32,
+    /// How far wisps join their lock, 0 to 1, against strands their wisp.
+    gather: f32,
     clump: f32,
     flyaway: f32,
 }
@@ -122,7 +129,7 @@ impl Style {
     fn named(name: &str) -> Option<Self> {
         let straight = Self {
             points: 32,
-            length: 0.46,
+            length: 0.45,
             length_variation: 0.16,
             fall: Fall::Free,
             part_x: 0.0,
@@ -133,6 +140,10 @@ impl Style {
             wave_pitch: 0.16,
             wave_flatness: 0.6,
             wave_jitter: 0.12,
+            wave_spread: 0.3,
+            gather: 0.55,
+            wisps: 2_200,
+            noise: 0.0022,
             clump: 0.55,
             flyaway: 0.03,
         };
@@ -140,18 +151,21 @@ impl Style {
             "straight" => straight,
             "wavy" => Self {
                 points: 36,
-                length: 0.36,
+                length: 0.35,
                 length_variation: 0.2,
                 part_x: 0.022,
                 lift: 0.42,
-                volume: 0.020,
-                stiffness: 0.026,
-                wave_radius: 0.010,
-                wave_pitch: 0.075,
-                wave_flatness: 0.45,
-                wave_jitter: 0.06,
-                clump: 0.68,
-                flyaway: 0.045,
+                volume: 0.018,
+                wave_radius: 0.0115,
+                wave_pitch: 0.088,
+                wave_flatness: 0.85,
+                wave_jitter: 0.025,
+                wave_spread: 0.10,
+                gather: 0.4,
+                wisps: 1_100,
+                noise: 0.0016,
+                clump: 0.72,
+                flyaway: 0.035,
                 ..straight
             },
             "curly" => Self {
@@ -159,15 +173,19 @@ impl Style {
                 length: 0.215,
                 length_variation: 0.3,
                 part_x: 0.012,
-                lift: 0.75,
-                volume: 0.034,
-                stiffness: 0.045,
-                wave_radius: 0.0085,
-                wave_pitch: 0.031,
+                lift: 0.62,
+                volume: 0.030,
+                stiffness: 0.030,
+                wave_radius: 0.0070,
+                wave_pitch: 0.030,
                 wave_flatness: 0.0,
-                wave_jitter: 0.05,
-                clump: 0.72,
-                flyaway: 0.06,
+                wave_jitter: 0.02,
+                wave_spread: 1.0,
+                gather: 0.08,
+                wisps: 420,
+                noise: 0.0014,
+                clump: 0.88,
+                flyaway: 0.04,
                 ..straight
             },
             "bob" => Self {
@@ -175,9 +193,8 @@ impl Style {
                 length: 0.36,
                 length_variation: 0.03,
                 fall: Fall::Cut { height: -0.105 },
-                part_x: 0.0,
-                lift: 0.38,
-                volume: 0.015,
+                lift: 0.34,
+                volume: 0.014,
                 wave_radius: 0.0015,
                 clump: 0.38,
                 flyaway: 0.02,
@@ -203,9 +220,6 @@ impl Style {
     }
 }
 
-/// The parting runs from the hairline to the crown's whorl at these z.
-const PART_FRONT: f32 = 0.075;
-const PART_CROWN: f32 = -0.050;
 /// Middle of the ponytail's tie, and the radius of the bundle in it.
 const TIE: Vec3 = vec3(0.0, 0.062, -0.124);
 const TIE_RADIUS: f32 = 0.013;
@@ -215,9 +229,7 @@ const TIE_AT: f32 = 0.36;
 const GAP: f32 = 0.0022;
 /// Guides are this many; their points are as many as their strands'.
 const GUIDES: usize = 700;
-/// A lock and a wisp hold about this many strands of 20,000; their number does not depend on the strands'.
 const LOCKS: usize = 260;
-const WISPS: usize = 2_200;
 
 // Purposes of random numbers, so that streams do not meet.
 const ROOTS: u64 = 1;
@@ -241,6 +253,8 @@ struct Clump {
     phase: f32,
     pitch: f32,
     radius: f32,
+    /// 1 or −1: which way its helix winds.
+    hand: f32,
     /// The lock that a wisp belongs to; its own index for a lock.
     lock: usize,
 }
@@ -285,12 +299,13 @@ impl Groom {
         };
         groom.locks = groom.clumps(LOCKS, LOCK);
         let lock_grid = RootGrid::new(groom.locks.iter().map(|c| c.root));
-        let mut wisps = groom.clumps(WISPS, WISP);
+        let mut wisps = groom.clumps(style.wisps, WISP);
         for wisp in &mut wisps {
             let [lock, ..] = nearest_alike(&lock_grid, wisp.root, wisp.comb, |i| &groom.locks[i].comb);
             let owner = &groom.locks[lock.0];
             wisp.lock = lock.0;
-            wisp.phase = owner.phase + 0.35 * style.wave_jitter.mul_add(6.0, 0.1) * (wisp.phase - 0.5);
+            wisp.phase = owner.phase + style.wave_spread * (wisp.phase - 0.5);
+            wisp.hand = owner.hand;
             wisp.pitch = owner.pitch * (1.0 + 0.25 * (wisp.pitch - 1.0));
         }
         groom.wisps = wisps;
@@ -310,9 +325,10 @@ impl Groom {
                 root,
                 comb,
                 points,
-                phase: drift * 0.5 + 0.5 * rng.unit(),
+                phase: drift * 0.6 + self.style.wave_spread * rng.unit(),
                 pitch: 1.0 + 0.16 * rng.signed(),
                 radius: 1.0 + 0.3 * rng.signed(),
+                hand: rng.signed().signum(),
                 lock: i,
             }
         });
@@ -355,7 +371,7 @@ impl Groom {
         let last = (out.len() - 1) as f32;
         let tied = style.fall == Fall::Tied;
         // A member keeps its own place in the wisp, drawn from a disc, so that a wisp never becomes a line.
-        let place = rng.in_disc() * 0.0022;
+        let place = rng.in_disc() * style.noise;
         let wisp_place = (wisp.root - lock.root) * 0.25;
         for (k, p) in out.iter_mut().enumerate().skip(1) {
             let t = k as f32 / last;
@@ -363,7 +379,7 @@ impl Groom {
             let pull = if tied { smoothstep((t - TIE_AT) / (1.0 - TIE_AT)) } else { smoothstep(t / 0.85) };
             let to_wisp = sample(&wisp.points, at) + place - *p;
             let to_lock = sample(&lock.points, at) + wisp_place + place - *p;
-            *p += (to_wisp * 0.8).lerp(to_lock * 0.9, 0.55 * pull) * (clump * pull);
+            *p += (to_wisp * 0.8).lerp(to_lock * 0.9, style.gather * pull) * (clump * pull);
         }
 
         // Wave about the strand, in a frame of the outward direction: it needs no transport, and neighbours
@@ -373,7 +389,7 @@ impl Groom {
         let phase = wisp.phase + style.wave_jitter * rng.signed();
         let radius = style.wave_radius * self.curl * lock.radius * (1.0 + 0.15 * rng.signed());
         let noise = Noise::new(&mut rng);
-        let noise_size = if stray { 0.012 } else { 0.0022 };
+        let noise_size = if stray { 0.008 } else { style.noise };
         let lift = if stray { 0.022 * rng.unit() } else { 0.0 };
         let mut previous = out[0];
         for k in 1..out.len() {
@@ -386,7 +402,7 @@ impl Groom {
             let up = side.cross(along);
             let grown = if tied { smoothstep((t - TIE_AT) / 0.4) } else { smoothstep(t / 0.35) };
             let (s, c) = (TAU * (phase + k as f32 * step / pitch)).sin_cos();
-            let wave = (side * c + up * (s * (1.0 - style.wave_flatness))) * (radius * grown);
+            let wave = (side * c + up * (s * wisp.hand * (1.0 - style.wave_flatness))) * (radius * grown);
             let loose = if tied { 0.25 + 0.75 * grown } else { t.sqrt() };
             let wander = noise.at(t) * (noise_size * loose);
             out[k] = base + wave + wander + up * (lift * t * loose);
@@ -431,33 +447,41 @@ fn grow_falling(style: &Style, root: Vec3, comb: Vec3, rng: &mut Rng) -> Vec<Vec
     const STEP: f32 = 0.006;
     let fringe = is_fringe(style, root);
     let normal = skin().normal(root);
-    let lift = style.lift * (1.0 + 0.25 * rng.signed());
-    let volume = style.volume * (1.0 + 0.25 * rng.signed());
+    // A fringe lies closer than the rest.
+    let close = if fringe { 0.45 } else { 1.0 };
+    let lift = close * style.lift * (1.0 + 0.25 * rng.signed());
+    let volume = close * style.volume * (1.0 + 0.25 * rng.signed());
     let length = style.length * (1.0 + 0.06 * rng.signed());
-    let cut = match style.fall {
-        // Curtains hang a little longer than the nape; the fringe ends at the brow.
-        Fall::Cut { .. } if fringe => 0.026 + 0.003 * rng.signed(),
-        Fall::Cut { height } => height + 0.10 * root.z.min(0.0) * -0.2 + 0.004 * rng.signed(),
+    let ragged = 0.0035 * rng.signed();
+    let cut = |p: Vec3| match style.fall {
+        // The fringe ends at the brow, and frames the face beside the eyes.
+        Fall::Cut { .. } if fringe => 0.027 - 0.055 * smoothstep((p.x.abs() - 0.046) / 0.03) + ragged,
+        Fall::Cut { height } => height + ragged,
         _ => f32::NEG_INFINITY,
     };
     let turn = 1.0 - (-STEP / style.stiffness).exp();
     let mut direction = (comb * (1.0 - lift) + normal * lift).normalize_or(normal);
     let mut points = vec![root];
     let (mut p, mut travelled, mut over_skin) = (root, 0.0, 0.0);
-    while travelled < length && p.y > cut {
+    while travelled < length && p.y > cut(p) {
         let near = skin().distance(p);
         let normal = skin().normal(p);
         // Over the head hair follows the comb, tangentially; below it, gravity.
-        let on_top = smoothstep((p.y - 0.01) / 0.07);
-        let sweep = if fringe { vec3(0.0, 0.0, 1.0) } else { (comb + outward(p) * 0.25).normalize_or(comb) };
+        let top = if fringe { smoothstep((p.y - 0.055) / 0.05) } else { smoothstep((p.y - 0.01) / 0.07) };
+        let on_top = top * (1.0 - smoothstep((near - 0.6 * volume - 0.006) / 0.03));
+        let sweep = if fringe { comb } else { (comb + outward(p) * 0.25).normalize_or(comb) };
         let tangent = (sweep - normal * sweep.dot(normal)).normalize_or(sweep);
         let mut target = tangent * on_top + Vec3::NEG_Y * (1.05 - on_top);
-        if let Fall::Cut { height } = style.fall
-            && !fringe
-        {
+        let inward = -vec3(p.x, 0.0, p.z + 0.03).normalize_or_zero();
+        match style.fall {
             // Tips turn in towards the neck.
-            let low = smoothstep((height + 0.06 - p.y) / 0.07);
-            target -= vec3(p.x, 0.0, p.z + 0.03).normalize_or_zero() * (0.75 * low);
+            Fall::Cut { height } if !fringe => target += inward * (0.95 * smoothstep((height + 0.085 - p.y) / 0.08)),
+            // Hair parts over the shoulder, to the chest or to the back, rather than lie on it.
+            Fall::Free if p.y < -0.10 && near < 0.06 => {
+                let forward = if root.z > -0.005 { 1.0 } else { -1.0 };
+                target += vec3(-0.25 * p.x.signum(), 0.0, forward) * (1.2 * smoothstep((0.06 - near) / 0.06));
+            }
+            _ => target += inward * (0.12 * smoothstep(-p.y / 0.05)),
         }
         direction = direction.lerp(target.normalize_or(Vec3::NEG_Y), turn).normalize_or(Vec3::NEG_Y);
         p += direction * STEP;
@@ -532,19 +556,22 @@ fn comb(style: &Style, root: Vec3) -> Vec3 {
     let away = if style.fall == Fall::Tied {
         TIE - root
     } else if is_fringe(style, root) {
-        vec3(0.4 * root.x, 0.0, 1.0)
+        vec3(root.x, 0.0, root.z + 0.04)
     } else {
-        // Combed back as well as aside, more so at the front.
-        let on_part = vec3(style.part_x, root.y, root.z.clamp(PART_CROWN, PART_FRONT));
-        let aside = (root - on_part).normalize_or(Vec3::NEG_Z);
-        aside + vec3(0.0, 0.0, -0.35 - 3.0 * root.z.max(0.0))
+        // Aside from the parting; back where the parting ends at the crown and, but for a cut that frames the
+        // face, at the front.
+        let from_part = root.x - style.part_x;
+        let behind_crown = 1.0 - smoothstep((root.z + 0.075) / 0.055);
+        let front = if style.fall == Fall::Free { 0.35 + 3.0 * root.z.max(0.0) } else { 0.1 - 1.1 * smoothstep(root.z / 0.035) };
+        let back = front + 2.2 * behind_crown;
+        vec3(from_part / (from_part.abs() + 0.002 + 0.02 * behind_crown), 0.0, -back)
     };
     (away - normal * away.dot(normal)).normalize_or(Vec3::NEG_Z)
 }
 
 /// Whether a root belongs to the fringe of a cut style.
 fn is_fringe(style: &Style, root: Vec3) -> bool {
-    matches!(style.fall, Fall::Cut { .. }) && root.z - 0.6 * root.x.abs() > 0.018 && root.y > 0.05
+    matches!(style.fall, Fall::Cut { .. }) && root.z - 0.6 * root.x.abs() > 0.002 && root.y > 0.04
 }
 
 /// Horizontally away from the head's axis, below its middle; away from its middle, above. Unit length.
@@ -605,7 +632,7 @@ fn root_candidate(i: usize, seed: u64, purpose: u64) -> Option<Vec3> {
     let center = vec3(0.0, 0.015, -0.018);
     let mut distance = 0.06;
     for _ in 0..12 {
-        distance += skin().distance(center + direction * distance);
+        distance -= skin().distance(center + direction * distance);
     }
     let root = center + direction * distance;
     // Area of skin for a solid angle, against its largest value: even density over an uneven skull.
@@ -800,7 +827,7 @@ impl Noise {
     /// Of order 1; `t` is the share of the strand's length.
     fn at(&self, t: f32) -> Vec3 {
         let octave = |k: usize, turns: f32| ((self.phases[k] + turns * t) * TAU).map(f32::sin);
-        octave(0, 0.8) * 0.6 + octave(1, 1.9) * 0.3 + octave(2, 4.3) * 0.12
+        octave(0, 0.7) * 0.7 + octave(1, 1.6) * 0.25 + octave(2, 3.7) * 0.07
     }
 }
 

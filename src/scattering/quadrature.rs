@@ -19,8 +19,7 @@ impl GaussLegendre {
                     let (mut p, mut previous) = (1.0, 0.0);
                     for k in 0..n {
                         let k = k as f64;
-                        (p, previous) =
-                            (((2.0 * k + 1.0) * x * p - k * previous) / (k + 1.0), p);
+                        (p, previous) = (((2.0 * k + 1.0) * x * p - k * previous) / (k + 1.0), p);
                     }
                     slope = n as f64 * (x * p - previous) / (x * x - 1.0);
                     x -= p / slope;
@@ -34,7 +33,9 @@ impl GaussLegendre {
     /// The nodes and weights carried to [a, b].
     pub fn on(&self, a: f64, b: f64) -> impl Iterator<Item = (f64, f64)> {
         let (centre, half) = (0.5 * (a + b), 0.5 * (b - a));
-        self.nodes.iter().map(move |&(x, w)| (centre + half * x, half * w))
+        self.nodes
+            .iter()
+            .map(move |&(x, w)| (centre + half * x, half * w))
     }
 
     /// ∫_a^b f.

@@ -2,8 +2,12 @@
 //! (Xu 2011, Eq 11, Eq 27–33). shaders/xu.wgsl is its twin, name for name.
 //!
 //! Angles: θ_o, θ_j in [−π/2, π/2]; φ = φ_o−φ_j in [−π, π]; `cos_sum` = cos(φ_o+φ_j), which only an
-//! eccentric fibre feels (azimuths count from the ellipse's minor axis). Every result is per unit of
-//! light coefficient L_j, cosθ_i included, with unit-integral M (no energy compensation).
+//! eccentric fibre feels (azimuths count from the axis of the ellipse at which η* = η₁* of Eq 24).
+//! Every result is per unit of light coefficient L_j, cosθ_i included, with unit-integral M (no energy
+//! compensation). On lavapipe a point and light costs 1.0 to 1.6 µs of one core for all four integrals.
+//!
+//! Relative L2 error against the exact model (`exact.rs`; η 1.45–1.65, σ_a 0–3, λ_j 0.1–1, β_R 7.5°,
+//! m = 4): R 10 %, TT 3.5 %, TRT 9 %. An independent oracle gives the print 9, 11 and 22 %.
 //!
 //! Deviations are listed where they are made: `gaussian.rs`, `longitudinal.rs`, `azimuthal.rs`,
 //! `tables.rs`, `global.rs`, `dual.rs`. Here:
@@ -32,13 +36,8 @@ use super::{
 pub const AMPLITUDE_MIN: f64 = 1e-3;
 
 /// What shaders/fibre.wgsl binds as `fibre_table`: the averages, then 𝒩^G, then the fits. To be made
-/// anew when the fibre changes: a few milliseconds, some 50 for an eccentric one.
-pub fn fibre_table(
-    fibre: &Fibre,
-    segments: u32,
-    energy: Energy,
-    tables: &Tables,
-) -> Vec<[u32; 4]> {
+/// anew when the fibre changes: 23 ms of one core's time over all cores, some 60 for an eccentric one.
+pub fn fibre_table(fibre: &Fibre, segments: u32, energy: Energy, tables: &Tables) -> Vec<[u32; 4]> {
     let mut table = AverageTable::new(fibre, segments).to_gpu();
     table.extend(GlobalTable::new(fibre, energy, &tables.circle).to_gpu());
     table.extend(FitTable::new(fibre, energy).to_gpu());
@@ -83,9 +82,8 @@ impl<'a> Xu<'a> {
         cos_sum: f64,
         lambda_j: f64,
     ) -> Modes {
-        let kappa_at = |theta_i: f64| {
-            concentration(lambda_j) * (theta_i.cos() * theta_j.cos()).max(0.0)
-        };
+        let kappa_at =
+            |theta_i: f64| concentration(lambda_j) * (theta_i.cos() * theta_j.cos()).max(0.0);
         let r = self.outer(theta_o, theta_j, lambda_j, 0, |theta_i, theta_d| {
             let kappa = kappa_at(theta_i);
             let moments = circular_moments(&self.rule, kappa, phi).cosines;
@@ -123,7 +121,11 @@ impl<'a> Xu<'a> {
             });
             sum.map(|x| scale * x)
         };
-        Modes { r: mode(0, |m| m.r), tt: mode(1, |m| m.tt), trt: mode(2, |m| m.trt) }
+        Modes {
+            r: mode(0, |m| m.r),
+            tt: mode(1, |m| m.tt),
+            trt: mode(2, |m| m.trt),
+        }
     }
 
     /// ∫G_j S_back cosθ_i dω: what strands behind return of light that reached this one directly.
@@ -171,7 +173,12 @@ impl<'a> Xu<'a> {
         inner: impl Fn(f64, f64) -> [f64; 3],
     ) -> [f64; 3] {
         let lambda_m = longitudinal_bandwidth(self.fibre.beta[mode]);
-        let lobe = product(theta_j, width, 2.0 * self.fibre.alpha[mode] - theta_o, lambda_m);
+        let lobe = product(
+            theta_j,
+            width,
+            2.0 * self.fibre.alpha[mode] - theta_o,
+            lambda_m,
+        );
         self.integrate(lobe, lambda_m, theta_o, inner)
     }
 
@@ -211,9 +218,8 @@ impl<'a> Xu<'a> {
             self.averages.sample(0.5 * (theta_i - theta_o))
         };
         let ends = [at(-1.0), at(0.0), at(1.0)];
-        let mean = |of: fn(&Averages) -> f64| {
-            (of(&ends[0]) + 4.0 * of(&ends[1]) + of(&ends[2])) / 6.0
-        };
+        let mean =
+            |of: fn(&Averages) -> f64| (of(&ends[0]) + 4.0 * of(&ends[1]) + of(&ends[2])) / 6.0;
         let (delta_b, sigma_b) = (mean(|a| a.delta_b), mean(|a| a.sigma_b));
         let lobe = product(theta_j, width, delta_b - theta_o, sigma_b);
         self.integrate(lobe, sigma_b, theta_o, |theta_i, theta_d| {

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use super::blurred_lobe::BlurredLobe;
 use super::dense::{inverse_diagonal, non_negative_least_squares, solve_positive_definite};
 use super::error::{lights_product, map_product, ratio_or, relative_l2, relative_l2_blurred};
-use super::harmonics::{Harmonics, add_scaled, band_of_blur};
+use super::harmonics::{Harmonics, add_scaled, band_of_blur, lobe_bands};
 use super::{SrbfLight, lobe_integral, sharpness};
 use crate::environment::Environment;
 
@@ -63,10 +63,14 @@ const STEPS: StepCounts = StepCounts {
 const ROUNDS: usize = 5;
 const REPLACED_SHARE: usize = 10;
 
-/// Lights narrower than this are all the same under the views: the map itself chooses their
-/// bandwidth, which takes the error of the unblurred map from up to 340 % to below 100 %.
-const NARROW_LAMBDA: f64 = 0.05;
+/// Lights narrower than this are nearly the same under the views: the map itself chooses their
+/// bandwidth, from as many choices up to the next figure, where that changes the map as the first
+/// view shows it by no more than the last. It takes the error of the unblurred map from up to 340 %
+/// to below 100 %.
+const NARROW_LAMBDA: f64 = 0.1;
 const NARROW_CHOICES: usize = 12;
+const NARROW_CHOICE_MAX: f64 = 0.15;
+const NARROW_CHANGE: f64 = 0.003;
 
 struct StepCounts {
     batch: usize,
@@ -325,6 +329,8 @@ struct Fitter<'a> {
     /// Energy of the map per channel over its total.
     energy: [f64; 3],
     total_energy: f64,
+    /// (total energy / norm of the map in the first view)².
+    energy_to_norm_squared: f64,
     start_directions: Vec<DVec3>,
     /// The lobes of `START_LAMBDAS` in the first view, by versine from 0 to 2, and their squared
     /// norms.
@@ -380,8 +386,10 @@ impl<'a> Fitter<'a> {
                 .sum::<f64>();
             squares * views[0].directions.len() as f64 / START_PROFILE_STEPS as f64
         });
+        let norm_squared = map.blurred(VIEWS[0].0).squared_norm();
         Self {
             env,
+            energy_to_norm_squared: total_energy * total_energy / norm_squared,
             views,
             energy: energy.map(|v| v / total_energy),
             total_energy,
@@ -455,10 +463,15 @@ impl<'a> Fitter<'a> {
     }
 
     /// Gives each narrow lobe, the strongest first, the bandwidth of least error against the map
-    /// itself, and keeps it there. Else a light sharpened to make up for a shape that no lobe has
-    /// would be a spark that the map does not hold.
+    /// itself among those that hair can hardly tell from its own, and keeps it there. Else a light
+    /// sharpened to make up for a shape that no lobe has would be a spark that the map lacks.
     fn choose_narrow_widths(&self, lobes: &mut [Lobe]) {
-        let [low, high] = [LAMBDA_RANGE[0], NARROW_LAMBDA].map(f64::ln);
+        let [low, high] = [LAMBDA_RANGE[0], NARROW_CHOICE_MAX].map(f64::ln);
+        let view_bands = lobe_bands(self.views[0].kappa, band_of_blur(VIEWS[0].0));
+        let seen_bands = |log_lambda: f64| -> Vec<f64> {
+            let bands = lobe_bands(sharpness(log_lambda.exp()), view_bands.len() - 1);
+            bands.iter().zip(&view_bands).map(|(a, b)| a * b).collect()
+        };
         for j in 0..lobes.len() {
             if lobes[j].log_lambda >= NARROW_LAMBDA.ln() {
                 continue;
@@ -467,20 +480,31 @@ impl<'a> Fitter<'a> {
                 .filter(|&k| k != j)
                 .map(|k| self.light(&lobes[k]))
                 .collect();
+            let own_bands = seen_bands(lobes[j].log_lambda);
+            let share =
+                lobes[j].energy.iter().map(|v| v * v).sum::<f64>() * self.energy_to_norm_squared;
+            let choose = |log_lambda: f64| {
+                // Parseval over the bands: the squared norm of the difference seen through the blur.
+                let change = share
+                    * (own_bands.iter().zip(seen_bands(log_lambda)).enumerate())
+                        .map(|(l, (a, b))| (2 * l + 1) as f64 / (4.0 * PI) * (a - b) * (a - b))
+                        .sum::<f64>();
+                if change > NARROW_CHANGE * NARROW_CHANGE {
+                    return (f64::INFINITY, lobes[j].log_lambda);
+                }
+                let light = self.light(&Lobe {
+                    log_lambda,
+                    ..lobes[j]
+                });
+                let missed = map_product(self.env, &light) - lights_product(&[light], &others);
+                (
+                    lights_product(&[light], &[light]) - 2.0 * missed,
+                    log_lambda,
+                )
+            };
             let choices: Vec<(f64, f64)> = (0..NARROW_CHOICES)
                 .into_par_iter()
-                .map(|i| {
-                    let log_lambda = low + (high - low) * i as f64 / (NARROW_CHOICES - 1) as f64;
-                    let light = self.light(&Lobe {
-                        log_lambda,
-                        ..lobes[j]
-                    });
-                    let missed = map_product(self.env, &light) - lights_product(&[light], &others);
-                    (
-                        lights_product(&[light], &[light]) - 2.0 * missed,
-                        log_lambda,
-                    )
-                })
+                .map(|i| choose(low + (high - low) * i as f64 / (NARROW_CHOICES - 1) as f64))
                 .collect();
             let best = choices
                 .iter()

@@ -98,7 +98,7 @@ impl<'a> RealStrands<'a> {
     }
 
     /// Mean |ΔT̃| of the packed reach over up to `pairs` (point, light) pairs drawn evenly from `points`.
-    /// `reach[j][i]`, as from [`super::all`]; lights in the world frame.
+    /// `reach[j][i]`, as from [`super::transport`]; lights in the world frame.
     pub fn mean_abs_delta_t(
         &self,
         points: &[u32],
