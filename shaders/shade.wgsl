@@ -30,7 +30,7 @@ struct Shading {
     parts: u32,         // SINGLE | GLOBAL | LOCAL
     first_light: u32,   // lights arrive in groups that keep a buffer under 128 MiB
     lights: u32,
-    points: u32,
+    slots: u32,         // points whose reach is known
     pad: u32,
 }
 
@@ -45,8 +45,9 @@ struct NeededPoints {
 @group(1) @binding(1) var<storage, read> strand_points: array<vec4f>;
 @group(1) @binding(2) var<storage, read> needed: NeededPoints;
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
-@group(1) @binding(4) var<storage, read> reach: array<u32>;    // light by light, packed as transport::Reach
+@group(1) @binding(4) var<storage, read> reach: array<u32>;    // light by light, slot by slot: transport::Reach
 @group(1) @binding(5) var<storage, read_write> radiance: array<vec4f>;
+@group(1) @binding(6) var<storage, read> slots: array<u32>;     // of each point
 
 @compute @workgroup_size(64)
 fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -55,6 +56,10 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         return;
     }
     let point = needed.points[item];
+    let slot = slots[point];
+    if (slot >= shading.slots) {
+        return;
+    }
     let position = strand_points[2u * point].xyz;
     let u = strand_points[2u * point + 1u].xyz;
     let to_eye = normalize(shading.eye - position);
@@ -71,7 +76,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
 
     var total = vec3f(0.0);
     for (var j = 0u; j < shading.lights; j++) {
-        let bits = reach[j * shading.points + point];
+        let bits = reach[j * shading.slots + slot];
         let direct = square(f32(bits & 1023u) / 1023.0);
         let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
         let open = square(f32((bits >> 18u) & 63u) / 63.0);

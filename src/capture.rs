@@ -22,7 +22,8 @@ use crate::scattering::{tables, xu};
 use crate::scene::{self, Scattering, Scene};
 use crate::srbf::{self, SrbfLight};
 use crate::stats::{
-    Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing, TransportFigures,
+    Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
+    TransportFigures,
 };
 use crate::transport::rays::RealStrands;
 use crate::transport::volume::Volume;
@@ -79,26 +80,14 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     };
     clock.step("adapter")?;
 
-    let count = scene.environment.lights as usize;
+    let wanted = scene.environment.lights as usize;
     let bar = clock.bar("fitting lights");
-    let fit = srbf::fit_cached(&map.environment, count, &|done| {
+    let fit = srbf::fit_cached(&map.environment, wanted, &|done| {
         bar.set_position((f64::from(done) * 1000.0) as u64);
         !clock.cancelled()
     })?;
     bar.finish_and_clear();
     clock.step("fit")?;
-
-    let lights = place_lights(&fit.lights, scene);
-    let volume = density(&hair, &diameters, center, radius);
-    let occluders = Occluders { volume: &volume, head: head.as_ref() };
-    let bar = clock.bar("light transport");
-    let transport = transport::transport(&occluders, &lights, &hair.points, &|| {
-        bar.inc((1000 / lights.len().max(1)) as u64);
-        !clock.cancelled()
-    });
-    bar.finish_and_clear();
-    let Some(Transport { reach, head_irradiance }) = transport else { bail!("cancelled") };
-    clock.step("transport")?;
 
     let fibre = scene.fibre.resolve();
     let segments = scene.render.segments;
@@ -109,25 +98,49 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         fibre_table: xu::fibre_table(&fibre, segments, Energy::Quadrature, &tables),
     };
     let mut renderer = Renderer::new(gpu, &fibre, &hair, &diameters, head.as_ref(), center)?;
-    renderer.set_lights(&lights, &reach);
-    let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
-    renderer.set_head_radiance(&head_irradiance.iter().map(|e| *e * to_radiance).collect::<Vec<_>>());
-    let gain = 2f64.powf(scene.environment.exposure) as f32;
-    renderer.set_environment(&map.environment, scene.environment.rotation_deg.to_radians() as f32, gain);
     clock.step("upload")?;
+
+    let [width, height] = scene.output.size;
+    let camera = scene.camera.resolve(center, radius, f64::from(width) / f64::from(height))?;
+    let count = outputs.frames.len();
+    let cameras: Vec<Camera> = (0..count)
+        .map(|i| relative(&camera.turned(360.0 * i as f64 / count as f64), center))
+        .collect();
+    let points = renderer.visible_points(&cameras, scene.output.size, scene.render.samples)?;
+    clock.step("visibility")?;
+
+    let lights = place_lights(&fit.lights, scene);
+    let volume = density(&hair, &diameters, center, radius);
+    let occluders = Occluders { volume: &volume, head: head.as_ref() };
+    let bar = clock.bar("light transport");
+    let places: Vec<Vec3> = points.iter().map(|&i| hair.points[i as usize]).collect();
+    let transport = transport::transport(&occluders, &lights, &places, &|| {
+        bar.inc((1000 / lights.len().max(1)) as u64);
+        !clock.cancelled()
+    });
+    bar.finish_and_clear();
+    let Some(Transport { reach, head_irradiance }) = transport else { bail!("cancelled") };
+    renderer.set_lights(&lights, &points, &reach);
+    let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
+    renderer
+        .set_head_radiance(&head_irradiance.iter().map(|e| *e * to_radiance).collect::<Vec<_>>());
+    let gain = 2f64.powf(scene.environment.exposure) as f32;
+    renderer.set_environment(
+        &map.environment,
+        scene.environment.rotation_deg.to_radians() as f32,
+        gain,
+    );
+    clock.step("transport")?;
     let setup_ms = clock.total_ms();
 
     let scale = exposure_scale(scene, &map.environment);
-    let [width, height] = scene.output.size;
-    let aspect = f64::from(width) / f64::from(height);
-    let camera = scene.camera.resolve(center, radius, aspect)?;
+
     let mut last = None;
     let bar = clock.bar("frames");
-    for (index, path) in outputs.frames.iter().enumerate() {
+    for (index, (path, camera)) in outputs.frames.iter().zip(&cameras).enumerate() {
         let started = Instant::now();
-        let view = relative(&camera.turned(360.0 * index as f64 / outputs.frames.len() as f64), center);
         let frame = renderer.render(
-            &view,
+            camera,
             scene.output.size,
             scene.render.samples,
             background(scene),
@@ -138,7 +151,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             bail!("cancelled");
         }
         write_frame(path, &frame, scale)?;
-        bar.set_position((1000 * (index + 1) / outputs.frames.len()) as u64);
+        bar.set_position((1000 * (index + 1) / count) as u64);
         last = Some((frame, frame_ms));
     }
     bar.finish_and_clear();
@@ -153,7 +166,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     }
     let mean_abs_delta_t = options.verify.then(|| {
         let strands = RealStrands::new(&hair, &diameters, head.as_ref());
-        strands.mean_abs_delta_t(&frame.shaded, &lights, &reach, VERIFIED_PAIRS)
+        strands.mean_abs_delta_t(&points, &lights, &reach, VERIFIED_PAIRS)
     });
     if let Some(error) = mean_abs_delta_t {
         clock.note(&format!("mean |ΔT̃| over shaded points and all lights: {error:.4}"));
@@ -223,7 +236,11 @@ impl Outputs {
         for path in frames.first().into_iter().chain(&stats) {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
             if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-                bail!("{}: the folder {} is not there: make it first", path.display(), folder.display());
+                bail!(
+                    "{}: the folder {} is not there: make it first",
+                    path.display(),
+                    folder.display()
+                );
             }
         }
         if let Some(path) = frames.first() {
@@ -333,7 +350,10 @@ fn density(hair: &Hair, diameters: &[f32], center: Vec3, radius: f32) -> Volume 
     let (low, high) = hair.bounds();
     let (low, high) = (low.max(center - radius), high.min(center + radius));
     let segments = hair.strands().flat_map(|range| {
-        range.clone().skip(1).map(|i| (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i])))
+        range
+            .clone()
+            .skip(1)
+            .map(|i| (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i])))
     });
     Volume::build(segments, low, high, transport::RESOLUTION)
 }

@@ -89,9 +89,7 @@ fn command() -> Command {
 }
 
 fn capture_command() -> Command {
-    let flags = FIELDS
-        .iter()
-        .map(|field| flag(field).help_heading(field.group()));
+    let flags = FIELDS.iter().map(|field| flag(field).help_heading(field.group()));
     Command::new("capture")
         .about("Renders a frame, or the frames of a turntable")
         .long_about(
@@ -190,18 +188,11 @@ fn long_help(field: &Field) -> String {
         Some(value) => format!("; default {}", field.format(&value)),
         None => String::new(),
     };
-    format!(
-        "{} ({}{default}) [{}]",
-        field.help,
-        field.expects(),
-        field.key
-    )
+    format!("{} ({}{default}) [{}]", field.help, field.expects(), field.key)
 }
 
 fn presets() -> String {
-    let lines = PRESETS
-        .iter()
-        .map(|preset| format!("  {:<8}{}\n", preset.name, preset.rationale));
+    let lines = PRESETS.iter().map(|preset| format!("  {:<8}{}\n", preset.name, preset.rationale));
     format!("presets:\n{}", lines.collect::<String>())
 }
 
@@ -210,9 +201,7 @@ fn switch(name: &'static str) -> Arg {
 }
 
 fn quiet() -> Arg {
-    switch("quiet")
-        .short('q')
-        .help("No progress, notes or warnings on stderr")
+    switch("quiet").short('q').help("No progress, notes or warnings on stderr")
 }
 
 fn run_capture(command: &mut Command, matches: &ArgMatches) -> Result<()> {
@@ -221,9 +210,7 @@ fn run_capture(command: &mut Command, matches: &ArgMatches) -> Result<()> {
         None => Scene::default(),
     };
     if let Err(conflict) = scene.apply(assignments(matches)) {
-        let capture = command
-            .find_subcommand_mut("capture")
-            .expect("a subcommand");
+        let capture = command.find_subcommand_mut("capture").expect("a subcommand");
         capture.error(ErrorKind::ArgumentConflict, conflict).exit();
     }
     if matches.get_flag("print-scene") {
@@ -242,64 +229,35 @@ fn assignments(matches: &ArgMatches) -> Vec<Assignment> {
     let indices = |id| matches.indices_of(id).into_iter().flatten();
     let mut typed: Vec<(usize, Assignment)> = Vec::new();
     for field in FIELDS {
-        let values = matches
-            .get_many::<Value>(field.key)
-            .into_iter()
-            .flatten()
-            .cloned();
+        let values = matches.get_many::<Value>(field.key).into_iter().flatten().cloned();
         let values = values.map(|value| Assignment { field, value });
         typed.extend(indices(field.key).zip(values));
     }
-    let set = matches
-        .get_many::<Assignment>("set")
-        .into_iter()
-        .flatten()
-        .cloned();
+    let set = matches.get_many::<Assignment>("set").into_iter().flatten().cloned();
     typed.extend(indices("set").zip(set));
     typed.sort_by_key(|(index, _)| *index);
-    typed
-        .into_iter()
-        .map(|(_, assignment)| assignment)
-        .collect()
+    typed.into_iter().map(|(_, assignment)| assignment).collect()
 }
 
 fn run_fit(matches: &ArgMatches) -> Result<()> {
-    let map = matches
-        .get_one::<String>("map")
-        .expect("a required argument");
+    let map = matches.get_one::<String>("map").expect("a required argument");
     let quiet = matches.get_flag("quiet");
     let mut scene = Scene::default();
-    let lights = matches
-        .get_many::<Value>("environment.lights")
-        .into_iter()
-        .flatten();
+    let lights = matches.get_many::<Value>("environment.lights").into_iter().flatten();
     let field = field_named("environment.lights").map_err(|e| anyhow!(e))?;
-    let level = lights.map(|value| Assignment {
-        field,
-        value: value.clone(),
-    });
+    let level = lights.map(|value| Assignment { field, value: value.clone() });
     scene.apply(level.collect())?;
 
     let loaded = environment::load(map)?;
     if loaded.mended.any() && !quiet {
         eprintln!("{map}: {}", loaded.mended);
     }
-    let bar = if quiet {
-        ProgressBar::hidden()
-    } else {
-        ProgressBar::new(1000)
-    };
-    bar.set_style(ProgressStyle::with_template(
-        "fitting lights {bar:40} {percent} %",
-    )?);
-    let fit = srbf::fit_cached(
-        &loaded.environment,
-        scene.environment.lights as usize,
-        &|done| {
-            bar.set_position((f64::from(done) * 1000.0) as u64);
-            !CANCELLED.load(Ordering::Relaxed)
-        },
-    );
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
+    bar.set_style(ProgressStyle::with_template("fitting lights {bar:40} {percent} %")?);
+    let fit = srbf::fit_cached(&loaded.environment, scene.environment.lights as usize, &|done| {
+        bar.set_position((f64::from(done) * 1000.0) as u64);
+        !CANCELLED.load(Ordering::Relaxed)
+    });
     bar.finish_and_clear();
     let fit = fit.with_context(|| map.clone())?;
 
@@ -317,14 +275,7 @@ fn run_fit(matches: &ArgMatches) -> Result<()> {
         ("blurred, λ = 0.15", percent(fit.relative_l2_blurred_0_15)),
         ("blurred, λ = 0.3", percent(fit.relative_l2_blurred_0_30)),
         ("energy ratio", format!("{:.4}", fit.energy_ratio)),
-        (
-            "fitted in",
-            format!(
-                "{:.2} s{}",
-                fit.seconds,
-                if fit.cached { ", cached" } else { "" }
-            ),
-        ),
+        ("fitted in", format!("{:.2} s{}", fit.seconds, if fit.cached { ", cached" } else { "" })),
     ]))
 }
 
@@ -341,9 +292,7 @@ enum FileKind {
 }
 
 fn run_info(matches: &ArgMatches) -> Result<()> {
-    let file = matches
-        .get_one::<String>("file")
-        .expect("a required argument");
+    let file = matches.get_one::<String>("file").expect("a required argument");
     let kind = match file.strip_prefix("builtin:") {
         Some(style) if hair::groom::STYLES.contains(&style) => FileKind::Hair,
         Some(_) => FileKind::Environment,
@@ -364,11 +313,7 @@ fn file_kind(path: &Path) -> Result<FileKind> {
     File::open(path)
         .and_then(|file| file.take(START).read_to_end(&mut start))
         .with_context(|| format!("{}: cannot be read", path.display()))?;
-    ensure!(
-        !start.is_empty(),
-        "{}: is empty; export it again",
-        path.display()
-    );
+    ensure!(!start.is_empty(), "{}: is empty; export it again", path.display());
     if start.starts_with(&EXR_MAGIC) || start.starts_with(HDR_MAGIC) {
         return Ok(FileKind::Environment);
     }
@@ -377,9 +322,7 @@ fn file_kind(path: &Path) -> Result<FileKind> {
     }
     let text = String::from_utf8_lossy(&start);
     let mut lines = text.lines().map(str::trim);
-    let first = lines
-        .find(|line| !line.is_empty() && !line.starts_with('#'))
-        .unwrap_or_default();
+    let first = lines.find(|line| !line.is_empty() && !line.starts_with('#')).unwrap_or_default();
     Ok(match first.split_whitespace().next().unwrap_or_default() {
         "v" | "vn" | "vt" | "f" | "o" | "g" | "s" | "mtllib" | "usemtl" => FileKind::Head,
         word if word.starts_with('{') => FileKind::Lights,
@@ -399,32 +342,17 @@ fn hair_info(file: &str) -> Result<String> {
         ("points", loaded.file.points.to_string()),
         ("segments a strand", format!("{fewest} to {most}")),
         ("arrays", loaded.file.arrays.join(", ")),
-        (
-            "lower corner",
-            format!("{:.4} {:.4} {:.4}", low.x, low.y, low.z),
-        ),
-        (
-            "upper corner",
-            format!("{:.4} {:.4} {:.4}", high.x, high.y, high.z),
-        ),
+        ("lower corner", format!("{:.4} {:.4} {:.4}", low.x, low.y, low.z)),
+        ("upper corner", format!("{:.4} {:.4} {:.4}", high.x, high.y, high.z)),
         ("size", format!("{:.4} {:.4} {:.4}", size.x, size.y, size.z)),
         ("mean length", format!("{:.4}", mean_length(&loaded.hair))),
-        (
-            "fibre diameter",
-            format!("{:.3e}: {}", diameter.diameter, diameter.reason),
-        ),
-        (
-            "mended, dropped",
-            format!("{}, {}", loaded.mended.mended, loaded.mended.dropped),
-        ),
+        ("fibre diameter", format!("{:.3e}: {}", diameter.diameter, diameter.reason)),
+        ("mended, dropped", format!("{}, {}", loaded.mended.mended, loaded.mended.dropped)),
     ]);
     if let Some(header) = &loaded.file.header {
         text += &rows(&[
             ("default thickness", header.default_thickness.to_string()),
-            (
-                "default transparency",
-                header.default_transparency.to_string(),
-            ),
+            ("default transparency", header.default_transparency.to_string()),
             ("default colour", format!("{:?}", header.default_color)),
             ("text", header.info_text()),
         ]);
@@ -442,30 +370,16 @@ fn mean_length(hair: &hair::Hair) -> f64 {
 fn head_info(file: &str) -> Result<String> {
     let loaded = head::load(file, Up::default(), 1.0)?;
     let positions = &loaded.head.positions;
-    let low = positions
-        .iter()
-        .copied()
-        .reduce(|a, b| a.min(b))
-        .unwrap_or_default();
-    let high = positions
-        .iter()
-        .copied()
-        .reduce(|a, b| a.max(b))
-        .unwrap_or_default();
+    let low = positions.iter().copied().reduce(|a, b| a.min(b)).unwrap_or_default();
+    let high = positions.iter().copied().reduce(|a, b| a.max(b)).unwrap_or_default();
     Ok(rows(&[
         ("format", "Wavefront OBJ".to_owned()),
         ("vertices", positions.len().to_string()),
         ("triangles", loaded.head.triangles.len().to_string()),
         ("dropped triangles", loaded.dropped_triangles.to_string()),
         ("computed normals", loaded.computed_normals.to_string()),
-        (
-            "lower corner",
-            format!("{:.4} {:.4} {:.4}", low.x, low.y, low.z),
-        ),
-        (
-            "upper corner",
-            format!("{:.4} {:.4} {:.4}", high.x, high.y, high.z),
-        ),
+        ("lower corner", format!("{:.4} {:.4} {:.4}", low.x, low.y, low.z)),
+        ("upper corner", format!("{:.4} {:.4} {:.4}", high.x, high.y, high.z)),
     ]))
 }
 
@@ -497,15 +411,9 @@ fn lights_info(file: &str) -> Result<String> {
     }
     Ok(rows(&[
         ("lights", lights.len().to_string()),
-        (
-            "narrowest λ",
-            format!("{:.4}", lambdas().fold(f64::INFINITY, f64::min)),
-        ),
+        ("narrowest λ", format!("{:.4}", lambdas().fold(f64::INFINITY, f64::min))),
         ("widest λ", format!("{:.4}", lambdas().fold(0.0, f64::max))),
-        (
-            "energy",
-            format!("{:.4} {:.4} {:.4}", energy[0], energy[1], energy[2]),
-        ),
+        ("energy", format!("{:.4} {:.4} {:.4}", energy[0], energy[1], energy[2])),
     ]))
 }
 
@@ -520,23 +428,15 @@ fn scene_info(file: &str) -> Result<String> {
     let [r, g, b] = fibre.sigma_a;
     let resolved = rows(&[
         ("# sigma_a", format!("{r:.4} {g:.4} {b:.4} per radius, RGB")),
-        (
-            "# beta",
-            format!("{} degrees, R TT TRT", degrees(fibre.beta)),
-        ),
-        (
-            "# alpha",
-            format!("{} degrees, R TT TRT", degrees(fibre.alpha)),
-        ),
+        ("# beta", format!("{} degrees, R TT TRT", degrees(fibre.beta))),
+        ("# alpha", format!("{} degrees, R TT TRT", degrees(fibre.alpha))),
     ]);
     Ok(format!("{}\n{resolved}", scene.to_toml()))
 }
 
 /// Names and values in two columns.
 fn rows(rows: &[(&str, String)]) -> String {
-    rows.iter()
-        .map(|(name, value)| format!("{name:<22}{value}\n"))
-        .collect()
+    rows.iter().map(|(name, value)| format!("{name:<22}{value}\n")).collect()
 }
 
 /// Writes to stdout; a reader that went away early is no error.

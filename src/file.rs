@@ -6,7 +6,10 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 /// Writes a file under a temporary name beside `path` and renames it once it is whole.
-pub fn write_whole(path: &Path, write: impl FnOnce(&mut std::fs::File) -> Result<()>) -> Result<()> {
+pub fn write_whole(
+    path: &Path,
+    write: impl FnOnce(&mut std::fs::File) -> Result<()>,
+) -> Result<()> {
     let folder = match path.parent() {
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),

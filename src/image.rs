@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Vec2, WritableImage};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Vec2, WritableImage,
+};
 use image::ImageEncoder;
 use rayon::prelude::*;
 
@@ -81,7 +83,8 @@ pub fn write_frame(path: &Path, frame: &Frame, scale: f32) -> Result<()> {
             write_png(path, &bytes, width, height, image::ExtendedColorType::Rgba8)
         }
         Format::Exr => {
-            let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+            let channel =
+                |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
             let plane = |c: usize| frame.pixels.iter().map(|p| p[c]).collect();
             let channels = AnyChannels::sort(
                 [
@@ -120,7 +123,13 @@ pub fn write_png_map(path: &Path, map: &Environment) -> Result<()> {
     write_png(path, &bytes, map.width as u32, map.height as u32, image::ExtendedColorType::Rgb8)
 }
 
-fn write_png(path: &Path, bytes: &[u8], width: u32, height: u32, color: image::ExtendedColorType) -> Result<()> {
+fn write_png(
+    path: &Path,
+    bytes: &[u8],
+    width: u32,
+    height: u32,
+    color: image::ExtendedColorType,
+) -> Result<()> {
     write_whole(path, |file| {
         let encoder = image::codecs::png::PngEncoder::new(std::io::BufWriter::new(file));
         encoder.write_image(bytes, width, height, color).map_err(Into::into)

@@ -104,7 +104,8 @@ impl ImageFigures {
     pub fn of(frame: &Frame, exposure_scale: f32) -> ImageFigures {
         let count = frame.pixels.len().max(1) as f64;
         let finite = |p: &&[f32; 4]| p.iter().all(|v| v.is_finite());
-        let luminances = frame.pixels.iter().filter(finite).map(|p| f64::from(luminance([p[0], p[1], p[2]])));
+        let luminances =
+            frame.pixels.iter().filter(finite).map(|p| f64::from(luminance([p[0], p[1], p[2]])));
         ImageFigures {
             width: frame.size[0],
             height: frame.size[1],

@@ -11,18 +11,12 @@ use crate::scene::{samples, scene_with};
 
 fn hairlight(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hairlight"));
-    command
-        .current_dir(folder)
-        .env("HAIRLIGHT_CACHE", folder.join("cache"))
-        .stdin(Stdio::null());
+    command.current_dir(folder).env("HAIRLIGHT_CACHE", folder.join("cache")).stdin(Stdio::null());
     command
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
-    hairlight(folder)
-        .args(arguments)
-        .output()
-        .expect("the binary runs")
+    hairlight(folder).args(arguments).output().expect("the binary runs")
 }
 
 fn stdout(output: &Output) -> String {
@@ -35,9 +29,8 @@ fn stderr(output: &Output) -> String {
 
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
-    let mut names: Vec<String> = entries
-        .map(|e| e.unwrap().file_name().into_string().unwrap())
-        .collect();
+    let mut names: Vec<String> =
+        entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
 }
@@ -48,29 +41,11 @@ fn every_flag_does_what_its_key_does() {
     for field in FIELDS {
         let literal = samples(field).swap_remove(0);
         let typed = literal.trim_matches('"');
-        let output = run(
-            folder.path(),
-            &[
-                "capture",
-                &format!("--{}", field.flag),
-                typed,
-                "--print-scene",
-            ],
-        );
-        assert_eq!(
-            output.status.code(),
-            Some(0),
-            "--{} {typed}: {}",
-            field.flag,
-            stderr(&output)
-        );
+        let output =
+            run(folder.path(), &["capture", &format!("--{}", field.flag), typed, "--print-scene"]);
+        assert_eq!(output.status.code(), Some(0), "--{} {typed}: {}", field.flag, stderr(&output));
         let printed = Scene::from_toml(&stdout(&output), "printed", Path::new("")).unwrap();
-        assert_eq!(
-            printed,
-            scene_with(field, &literal),
-            "--{} {typed}",
-            field.flag
-        );
+        assert_eq!(printed, scene_with(field, &literal), "--{} {typed}", field.flag);
     }
     assert!(names(folder.path()).is_empty());
 }
@@ -78,25 +53,15 @@ fn every_flag_does_what_its_key_does() {
 #[test]
 fn later_flags_hold_over_earlier_ones_and_over_the_file() {
     let folder = tempdir().unwrap();
-    fs::write(
-        folder.path().join("a.toml"),
-        "[fibre]\neta = 1.4\nsigma_a = [1, 2, 3]\n",
-    )
-    .unwrap();
+    fs::write(folder.path().join("a.toml"), "[fibre]\neta = 1.4\nsigma_a = [1, 2, 3]\n").unwrap();
     let scene = |arguments: &[&str]| {
         let arguments = [&["capture", "a.toml", "--print-scene"], arguments].concat();
         let output = run(folder.path(), &arguments);
         Scene::from_toml(&stdout(&output), "printed", Path::new("")).unwrap()
     };
     assert_eq!(scene(&[]).fibre.eta, 1.4);
-    assert_eq!(
-        scene(&["--eta", "1.5", "--set", "fibre.eta=1.6"]).fibre.eta,
-        1.6
-    );
-    assert_eq!(
-        scene(&["--set", "fibre.eta=1.6", "--eta", "1.5"]).fibre.eta,
-        1.5
-    );
+    assert_eq!(scene(&["--eta", "1.5", "--set", "fibre.eta=1.6"]).fibre.eta, 1.6);
+    assert_eq!(scene(&["--set", "fibre.eta=1.6", "--eta", "1.5"]).fibre.eta, 1.5);
     assert_eq!(scene(&["--eta", "1.5", "--eta", "1.7"]).fibre.eta, 1.7);
     let red = scene(&["--beta-r", "9", "--preset", "red"]).fibre;
     assert_eq!((red.beta_r_deg, red.preset.as_str()), (9.0, "red"));
@@ -110,48 +75,23 @@ fn wrong_usage_exits_with_2_and_says_what_to_type() {
         (&[][..], "Usage"),
         (&["render"], "render"),
         (&["capture", "--colour", "red"], "--colour"),
-        (
-            &["capture", "--eta", "9"],
-            "`fibre.eta` must be a number from 1 to 3, not 9",
-        ),
-        (
-            &["capture", "--set", "fibre.etta=1.6"],
-            "did you mean `fibre.eta`?",
-        ),
+        (&["capture", "--eta", "9"], "`fibre.eta` must be a number from 1 to 3, not 9"),
+        (&["capture", "--set", "fibre.etta=1.6"], "did you mean `fibre.eta`?"),
         (&["capture", "--set", "fibre.eta"], "key=value"),
         (&["capture", "--size", "0x10"], "each side from 1 to 8192"),
         (&["capture", "--preset", "blonde"], "blond"),
         (&["capture", "--hair", "builtin:mohawk"], "builtin:wavy"),
         (&["capture", "-o", "frame.jpg"], ".png or .exr"),
-        (
-            &["capture", "--sigma-a", "1,1,1", "--color", "#804020"],
-            "keep one",
-        ),
-        (
-            &[
-                "capture",
-                "--position",
-                "0,0,5",
-                "--set",
-                "camera.distance=3",
-            ],
-            "keep one",
-        ),
+        (&["capture", "--sigma-a", "1,1,1", "--color", "#804020"], "keep one"),
+        (&["capture", "--position", "0,0,5", "--set", "camera.distance=3"], "keep one"),
         (&["fit"], "MAP"),
-        (
-            &["fit", "builtin:studio", "--lights", "257"],
-            "from 1 to 256",
-        ),
+        (&["fit", "builtin:studio", "--lights", "257"], "from 1 to 256"),
         (&["info"], "FILE"),
     ] {
         let output = run(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         assert!(stdout(&output).is_empty(), "{arguments:?}");
-        assert!(
-            stderr(&output).contains(says),
-            "{arguments:?}: {}",
-            stderr(&output)
-        );
+        assert!(stderr(&output).contains(says), "{arguments:?}: {}", stderr(&output));
     }
     assert!(names(folder.path()).is_empty());
 }
@@ -162,16 +102,10 @@ fn wrong_input_exits_with_1_and_one_line_and_writes_nothing() {
     let before = names(folder.path());
     for (arguments, says) in [
         (&["capture", "absent.toml"][..], "absent.toml: "),
-        (
-            &["capture", "range.toml"],
-            "range.toml:3: `fibre.eta` must be a number from 1 to 3",
-        ),
+        (&["capture", "range.toml"], "range.toml:3: `fibre.eta` must be a number from 1 to 3"),
         (&["capture", "unknown.toml"], "did you mean `output.size`?"),
         (&["capture", "syntax.toml"], "syntax.toml:1:"),
-        (
-            &["capture", "conflict.toml"],
-            "conflict.toml: `fibre.sigma_a` and `fibre.color`",
-        ),
+        (&["capture", "conflict.toml"], "conflict.toml: `fibre.sigma_a` and `fibre.color`"),
         (&["capture", "binary.toml"], "binary.toml: not a scene file"),
         (&["capture", "."], ".: "),
         (&["capture", "--hair", "absent.hair"], "absent.hair: "),
@@ -193,21 +127,11 @@ fn wrong_input_exits_with_1_and_one_line_and_writes_nothing() {
         assert_eq!(output.status.code(), Some(1), "{arguments:?}: {error}");
         // Notes may come first, but there is one error, it comes last, and it is one line.
         let last = error.lines().last().unwrap_or_default();
-        assert!(
-            last.starts_with("error: ") && last.contains(says),
-            "{arguments:?}: {error}"
-        );
-        assert_eq!(
-            error.matches("error: ").count(),
-            1,
-            "{arguments:?}: {error}"
-        );
+        assert!(last.starts_with("error: ") && last.contains(says), "{arguments:?}: {error}");
+        assert_eq!(error.matches("error: ").count(), 1, "{arguments:?}: {error}");
         assert!(stdout(&output).is_empty(), "{arguments:?}");
     }
-    let after: Vec<String> = names(folder.path())
-        .into_iter()
-        .filter(|n| n != "cache")
-        .collect();
+    let after: Vec<String> = names(folder.path()).into_iter().filter(|n| n != "cache").collect();
     assert_eq!(after, before);
 }
 
@@ -217,10 +141,7 @@ fn folder_of_wrong_files() -> TempDir {
         ("range.toml", b"# high\n[fibre]\neta = 9\n"),
         ("unknown.toml", b"film.size = [10, 10]"),
         ("syntax.toml", b"[fibre\n"),
-        (
-            "conflict.toml",
-            b"fibre.sigma_a = [1, 1, 1]\nfibre.color = '#804020'",
-        ),
+        ("conflict.toml", b"fibre.sigma_a = [1, 1, 1]\nfibre.color = '#804020'"),
         ("binary.toml", b"HAIR\xff\xfe\x00"),
         ("empty.hair", b""),
         ("cut.exr", b"\x76\x2f\x31\x01\x02\x00\x00\x00"),
@@ -246,54 +167,25 @@ fn info_tells_files_by_their_content() {
     ] {
         let output = run(folder.path(), &["info", file]);
         assert_eq!(output.status.code(), Some(0), "{file}: {}", stderr(&output));
-        assert!(
-            stdout(&output).contains(says),
-            "{file}: {}",
-            stdout(&output)
-        );
+        assert!(stdout(&output).contains(says), "{file}: {}", stdout(&output));
     }
 }
 
 #[test]
 fn fit_writes_lights_that_info_reads_and_a_preview() {
     let folder = tempdir().unwrap();
-    let arguments = [
-        "fit",
-        "builtin:overcast",
-        "--lights",
-        "2",
-        "-o",
-        "l.json",
-        "--preview",
-        "l.png",
-    ];
+    let arguments =
+        ["fit", "builtin:overcast", "--lights", "2", "-o", "l.json", "--preview", "l.png"];
     for cached in [false, true] {
         let output = run(folder.path(), &arguments);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        assert!(
-            stdout(&output).contains("energy ratio"),
-            "{}",
-            stdout(&output)
-        );
-        assert_eq!(
-            stdout(&output).contains("cached"),
-            cached,
-            "{}",
-            stdout(&output)
-        );
-        assert_eq!(
-            stderr(&output),
-            "",
-            "no progress where stderr is no terminal"
-        );
+        assert!(stdout(&output).contains("energy ratio"), "{}", stdout(&output));
+        assert_eq!(stdout(&output).contains("cached"), cached, "{}", stdout(&output));
+        assert_eq!(stderr(&output), "", "no progress where stderr is no terminal");
     }
     assert_eq!(names(folder.path()), ["cache", "l.json", "l.png"]);
     let info = run(folder.path(), &["info", "l.json"]);
-    assert!(
-        stdout(&info).contains("lights                2\n"),
-        "{}",
-        stdout(&info)
-    );
+    assert!(stdout(&info).contains("lights                2\n"), "{}", stdout(&info));
 }
 
 /// The fit is made long enough (256 lights) to be still at work when the signal comes.
@@ -302,22 +194,12 @@ fn fit_writes_lights_that_info_reads_and_a_preview() {
 fn interrupt_exits_with_130_and_leaves_nothing() {
     let folder = tempdir().unwrap();
     let mut child = hairlight(folder.path())
-        .args([
-            "fit",
-            "builtin:studio",
-            "--lights",
-            "256",
-            "-o",
-            "lights.json",
-        ])
+        .args(["fit", "builtin:studio", "--lights", "256", "-o", "lights.json"])
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     std::thread::sleep(std::time::Duration::from_millis(1000));
-    let sent = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status()
-        .unwrap();
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(!names(folder.path()).contains(&"lights.json".to_owned()));

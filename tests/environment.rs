@@ -43,11 +43,9 @@ fn close(a: f64, b: f64, relative: f64) -> bool {
 
 #[test]
 fn the_mapping_is_an_inverse_pair_that_looks_where_the_convention_says() {
-    for (direction, uv) in [
-        (DVec3::NEG_Z, [0.5, 0.5]),
-        (DVec3::X, [0.75, 0.5]),
-        (DVec3::NEG_X, [0.25, 0.5]),
-    ] {
+    for (direction, uv) in
+        [(DVec3::NEG_Z, [0.5, 0.5]), (DVec3::X, [0.75, 0.5]), (DVec3::NEG_X, [0.25, 0.5])]
+    {
         let got = direction_to_uv(direction);
         assert!(
             (got[0] - uv[0]).abs() < 1e-15 && (got[1] - uv[1]).abs() < 1e-15,
@@ -75,22 +73,9 @@ fn the_mapping_is_an_inverse_pair_that_looks_where_the_convention_says() {
 
 #[test]
 fn solid_angles_sum_to_the_sphere_at_every_size() {
-    for (width, height) in [
-        (1, 1),
-        (2, 1),
-        (255, 127),
-        (64, 128),
-        (4096, 1),
-        (1024, 512),
-    ] {
-        let map = Environment {
-            width,
-            height,
-            pixels: vec![[0.25, 0.5, 1.0]; width * height],
-        };
-        let sum: f64 = (0..height)
-            .map(|row| map.solid_angle(row) * width as f64)
-            .sum();
+    for (width, height) in [(1, 1), (2, 1), (255, 127), (64, 128), (4096, 1), (1024, 512)] {
+        let map = Environment { width, height, pixels: vec![[0.25, 0.5, 1.0]; width * height] };
+        let sum: f64 = (0..height).map(|row| map.solid_angle(row) * width as f64).sum();
         assert!(close(sum, 4.0 * PI, 1e-12), "{width} × {height}: {sum}");
         let mean = map.mean_radiance();
         assert!(close(mean[0], 0.25, 1e-12) && close(mean[2], 1.0, 1e-12));
@@ -100,14 +85,9 @@ fn solid_angles_sum_to_the_sphere_at_every_size() {
 #[test]
 fn radiance_is_bilinear_wraps_around_and_holds_at_the_poles() {
     let (width, height) = (8, 4);
-    let pixels = (0..width * height)
-        .map(|i| [(i % width) as f32, (i / width) as f32, 1.0])
-        .collect();
-    let map = Environment {
-        width,
-        height,
-        pixels,
-    };
+    let pixels =
+        (0..width * height).map(|i| [(i % width) as f32, (i / width) as f32, 1.0]).collect();
+    let map = Environment { width, height, pixels };
     for (column, row) in [(0, 0), (3, 2), (7, 3)] {
         let got = map.radiance(map.pixel_direction(column, row));
         assert!(
@@ -117,10 +97,7 @@ fn radiance_is_bilinear_wraps_around_and_holds_at_the_poles() {
     }
     // Between the last column and the first, and midway between two rows.
     let seam = map.radiance(uv_to_direction([0.0, 0.5]));
-    assert!(
-        (seam[0] - 3.5).abs() < 1e-9 && (seam[1] - 1.5).abs() < 1e-9,
-        "{seam:?}"
-    );
+    assert!((seam[0] - 3.5).abs() < 1e-9 && (seam[1] - 1.5).abs() < 1e-9, "{seam:?}");
     assert!((map.radiance(DVec3::Y)[1]).abs() < 1e-12);
     assert!((map.radiance(DVec3::NEG_Y)[1] - 3.0).abs() < 1e-12);
 }
@@ -130,15 +107,8 @@ fn the_hash_tells_content_and_shape_apart() {
     let map = load("builtin:studio").unwrap().environment;
     let mut nudged = map.clone();
     nudged.pixels[77][1] += 1e-3;
-    let turned = Environment {
-        width: map.height,
-        height: map.width,
-        pixels: map.pixels.clone(),
-    };
-    assert_eq!(
-        map.content_hash(),
-        load("builtin:studio").unwrap().environment.content_hash()
-    );
+    let turned = Environment { width: map.height, height: map.width, pixels: map.pixels.clone() };
+    assert_eq!(map.content_hash(), load("builtin:studio").unwrap().environment.content_hash());
     assert_ne!(map.content_hash(), nudged.content_hash());
     assert_ne!(map.content_hash(), turned.content_hash());
 }
@@ -159,31 +129,16 @@ fn mending_follows_its_rule_and_counts() {
         i if i % width == 7 => 4.0,
         _ => 2.0,
     };
-    write_exr(
-        &path,
-        (width, height),
-        &[("R", &red), ("G", &|_| 1.0), ("B", &|_| 0.0)],
-    );
-    let Loaded {
-        environment,
-        mended,
-        ..
-    } = load_path(&path).unwrap();
+    write_exr(&path, (width, height), &[("R", &red), ("G", &|_| 1.0), ("B", &|_| 0.0)]);
+    let Loaded { environment, mended, .. } = load_path(&path).unwrap();
     assert_eq!((mended.nan, mended.inf, mended.negative), (1, 3, 1));
     let red_at = |column, row| environment.pixels[index(column, row)][0];
     // The mean of five 2s and, around the seam, three 4s, by the solid angle of rows 0, 1 and 2.
     let (outer, inner) = (environment.solid_angle(0), environment.solid_angle(1));
     let mean = (outer * (2.0 + 2.0 + 4.0) + inner * (2.0 + 4.0) + inner * (2.0 + 2.0 + 4.0))
         / (3.0 * outer + 5.0 * inner);
-    assert!(
-        close(f64::from(red_at(0, 1)), mean, 1e-6),
-        "{} {mean}",
-        red_at(0, 1)
-    );
-    assert_eq!(
-        [red_at(4, 2), red_at(5, 2), red_at(6, 2), red_at(2, 3)],
-        [50.0, 50.0, 0.0, 0.0]
-    );
+    assert!(close(f64::from(red_at(0, 1)), mean, 1e-6), "{} {mean}", red_at(0, 1));
+    assert_eq!([red_at(4, 2), red_at(5, 2), red_at(6, 2), red_at(2, 3)], [50.0, 50.0, 0.0, 0.0]);
     assert_eq!(environment.pixels[index(0, 1)][1..], [1.0, 0.0]);
     assert_eq!(mended.mean_after, environment.mean_radiance());
     // The −3890 stands in the mean before and is gone from the one after; untouched channels keep
@@ -193,51 +148,24 @@ fn mending_follows_its_rule_and_counts() {
     assert!(close(mended.mean_before[1], mended.mean_after[1], 1e-12));
 
     // Negative control: a sound map is left bit for bit.
-    write_exr(
-        &path,
-        (width, height),
-        &[("R", &|i| i as f32), ("G", &|_| 1e9), ("B", &|_| 0.0)],
-    );
+    write_exr(&path, (width, height), &[("R", &|i| i as f32), ("G", &|_| 1e9), ("B", &|_| 0.0)]);
     let sound = load_path(&path).unwrap();
     assert!(!sound.mended.any());
     assert!(
-        sound
-            .environment
-            .pixels
-            .iter()
-            .enumerate()
-            .all(|(i, rgb)| *rgb == [i as f32, 1e9, 0.0])
+        sound.environment.pixels.iter().enumerate().all(|(i, rgb)| *rgb == [i as f32, 1e9, 0.0])
     );
 
-    write_exr(
-        &path,
-        (width, height),
-        &[("R", &|_| f32::NAN), ("G", &|_| 1.0), ("B", &|_| 1.0)],
-    );
+    write_exr(&path, (width, height), &[("R", &|_| f32::NAN), ("G", &|_| 1.0), ("B", &|_| 1.0)]);
     expect_line(load_path(&path), &path, "every red value is NaN");
-    write_exr(
-        &path,
-        (width, height),
-        &[("R", &|_| -0.01), ("G", &|_| 0.0), ("B", &|_| 0.0)],
-    );
-    assert!(
-        load_path(&path)
-            .unwrap()
-            .environment
-            .pixels
-            .iter()
-            .all(|rgb| *rgb == [0.0; 3])
-    );
+    write_exr(&path, (width, height), &[("R", &|_| -0.01), ("G", &|_| 0.0), ("B", &|_| 0.0)]);
+    assert!(load_path(&path).unwrap().environment.pixels.iter().all(|rgb| *rgb == [0.0; 3]));
 }
 
 /// The result must be an error of one line that starts with the path and contains `reason`.
 fn expect_line(result: anyhow::Result<Loaded>, path: &Path, reason: &str) {
     let error = result.map(|_| ()).expect_err("should not load");
     let line = format!("{error:#}");
-    assert!(
-        line.starts_with(path.to_str().unwrap()) && !line.contains('\n'),
-        "{line}"
-    );
+    assert!(line.starts_with(path.to_str().unwrap()) && !line.contains('\n'), "{line}");
     assert!(line.contains(reason), "{line} lacks '{reason}'");
 }
 
@@ -249,10 +177,7 @@ fn the_finished_colour_is_chosen_among_channels() {
     let two: &dyn Fn(usize) -> f32 = &|_| 2.0;
     type Case<'a> = (&'a [(&'a str, &'a dyn Fn(usize) -> f32)], Option<&'a str>);
     let cases: [Case; 7] = [
-        (
-            &[("R", two), ("G", two), ("B", two), ("A", one), ("Z", one)],
-            Some(""),
-        ),
+        (&[("R", two), ("G", two), ("B", two), ("A", one), ("Z", one)], Some("")),
         (
             &[
                 ("albedo.R", one),
@@ -276,15 +201,7 @@ fn the_finished_colour_is_chosen_among_channels() {
             Some("View.Combined"),
         ),
         (&[("Y", two), ("Z", one)], Some("")),
-        (
-            &[
-                ("normal.X", one),
-                ("normal.Y", one),
-                ("normal.Z", one),
-                ("R", two),
-            ],
-            Some(""),
-        ),
+        (&[("normal.X", one), ("normal.Y", one), ("normal.Z", one), ("R", two)], Some("")),
         (&[("X", one), ("Y", one), ("Z", one)], None),
         (&[("R", one), ("G", one)], None),
     ];
@@ -294,10 +211,7 @@ fn the_finished_colour_is_chosen_among_channels() {
             Some(layer) => {
                 let loaded = load_path(&path).unwrap();
                 assert_eq!(loaded.source.layer, layer);
-                assert!(
-                    loaded.environment.pixels.iter().all(|rgb| *rgb == [2.0; 3]),
-                    "{layer}"
-                );
+                assert!(loaded.environment.pixels.iter().all(|rgb| *rgb == [2.0; 3]), "{layer}");
             }
             None => expect_line(load_path(&path), &path, "colour to light with"),
         }
@@ -314,10 +228,7 @@ fn a_dwa_block_that_claims_the_moon_is_refused() {
     let layer = Layer::new(
         (64, 32),
         LayerAttributes::default(),
-        Encoding {
-            compression: Compression::DWAB(None),
-            ..Encoding::SMALL_LOSSLESS
-        },
+        Encoding { compression: Compression::DWAB(None), ..Encoding::SMALL_LOSSLESS },
         AnyChannels::sort(channels.into_iter().collect()),
     );
     Image::from_layer(layer).write().to_file(&path).unwrap();
@@ -348,13 +259,7 @@ fn radiance_files_are_read_and_bad_ones_named() {
         let loaded = load_path(&path).unwrap();
         assert_eq!(loaded.environment.pixels, [[1.0, 0.5, 0.25], [128.0; 3]]);
         assert_eq!(loaded.source.format, "Radiance");
-        assert!(
-            loaded
-                .source
-                .notes
-                .iter()
-                .any(|note| note.contains("EXPOSURE"))
-        );
+        assert!(loaded.source.notes.iter().any(|note| note.contains("EXPOSURE")));
         std::fs::write(&path, &whole[..whole.len() - 1]).unwrap();
         expect_line(load_path(&path), &path, "cut short");
     }
@@ -367,39 +272,19 @@ fn radiance_files_are_read_and_bad_ones_named() {
     refuse("P6 2 1", "neither an OpenEXR nor a Radiance");
     refuse("", "is empty");
     expect_line(load_path(folder.path()), folder.path(), "cannot be read");
-    expect_line(
-        load("builtin:sunrise"),
-        Path::new("builtin:sunrise"),
-        "builtin:sunset",
-    );
+    expect_line(load("builtin:sunrise"), Path::new("builtin:sunrise"), "builtin:sunset");
 }
 
 #[test]
 fn builtin_maps_are_sound_and_as_bright_as_stated() {
-    for (name, mean_luminance) in [
-        ("studio", 1.0),
-        ("sunset", 0.8),
-        ("overcast", 1.0),
-        ("night", 0.15),
-    ] {
-        let Loaded {
-            environment,
-            mended,
-            ..
-        } = load(&format!("builtin:{name}")).unwrap();
+    for (name, mean_luminance) in
+        [("studio", 1.0), ("sunset", 0.8), ("overcast", 1.0), ("night", 0.15)]
+    {
+        let Loaded { environment, mended, .. } = load(&format!("builtin:{name}")).unwrap();
         assert!(!mended.any(), "{name}: {mended}");
-        assert!(
-            environment
-                .pixels
-                .as_flattened()
-                .iter()
-                .all(|&v| v > 0.0 && v.is_finite())
-        );
+        assert!(environment.pixels.as_flattened().iter().all(|&v| v > 0.0 && v.is_finite()));
         let [r, g, b] = environment.mean_radiance();
-        assert!(
-            close(0.2126 * r + 0.7152 * g + 0.0722 * b, mean_luminance, 1e-5),
-            "{name}"
-        );
+        assert!(close(0.2126 * r + 0.7152 * g + 0.0722 * b, mean_luminance, 1e-5), "{name}");
     }
 }
 
@@ -410,10 +295,7 @@ fn the_overcast_sky_is_the_cie_one() {
         // The mean around the horizon: mottling averages out.
         (0..360)
             .map(|step| {
-                map.radiance(uv_to_direction([
-                    f64::from(step) / 360.0,
-                    0.5 - elevation / PI,
-                ]))[1]
+                map.radiance(uv_to_direction([f64::from(step) / 360.0, 0.5 - elevation / PI]))[1]
             })
             .sum::<f64>()
             / 360.0
@@ -423,10 +305,7 @@ fn the_overcast_sky_is_the_cie_one() {
         let expected = (1.0 + 2.0 * f64::to_radians(degrees).sin()) / 3.0;
         let ratio = green(degrees.to_radians()) / zenith;
         // 5 % for the mottling, of which the zenith is one sample.
-        assert!(
-            close(ratio, expected, 0.05),
-            "{degrees}°: {ratio} {expected}"
-        );
+        assert!(close(ratio, expected, 0.05), "{degrees}°: {ratio} {expected}");
         assert!(!close(ratio, 1.0, 0.05) || degrees > 80.0);
     }
 }
@@ -502,29 +381,20 @@ fn every_odd_exr_gives_a_map_or_one_clear_line() {
         ("trunc_last_byte", Line("cut short")),
         ("trunc_offsets", Line("cut short")),
     ];
-    let mut files: Vec<_> = data()
-        .join("exr-odd")
-        .read_dir()
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .collect();
+    let mut files: Vec<_> =
+        data().join("exr-odd").read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
     files.sort();
     assert!(files.len() > exceptions.len());
     for path in files {
         let stem = path.file_stem().unwrap().to_str().unwrap();
-        let expected = exceptions
-            .iter()
-            .find(|(name, _)| *name == stem)
-            .map_or(normal, |(_, e)| *e);
+        let expected =
+            exceptions.iter().find(|(name, _)| *name == stem).map_or(normal, |(_, e)| *e);
         match expected {
             Map(width, height) => {
                 let map = load_path(&path).unwrap().environment;
                 assert_eq!((map.width, map.height), (width, height), "{stem}");
                 assert!(
-                    map.pixels
-                        .as_flattened()
-                        .iter()
-                        .all(|v| v.is_finite() && *v >= 0.0),
+                    map.pixels.as_flattened().iter().all(|v| v.is_finite() && *v >= 0.0),
                     "{stem}"
                 );
             }
@@ -538,22 +408,14 @@ fn every_odd_exr_gives_a_map_or_one_clear_line() {
 #[test]
 #[ignore = "needs ../shared/data"]
 fn every_codec_gives_the_same_picture() {
-    let read = |stem: &str| {
-        load_path(&data().join(format!("exr-odd/{stem}.exr")))
-            .unwrap()
-            .environment
-    };
+    let read =
+        |stem: &str| load_path(&data().join(format!("exr-odd/{stem}.exr"))).unwrap().environment;
     let plain = read("comp_none_f32");
     let difference = |map: &Environment| {
         let squares = |rgb: [f32; 3], other: [f32; 3]| -> f64 {
             (0..3).map(|c| f64::from(rgb[c] - other[c]).powi(2)).sum()
         };
-        let error: f64 = map
-            .pixels
-            .iter()
-            .zip(&plain.pixels)
-            .map(|(a, b)| squares(*a, *b))
-            .sum();
+        let error: f64 = map.pixels.iter().zip(&plain.pixels).map(|(a, b)| squares(*a, *b)).sum();
         let norm: f64 = plain.pixels.iter().map(|a| squares(*a, [0.0; 3])).sum();
         (error / norm).sqrt()
     };
@@ -607,19 +469,10 @@ fn every_codec_gives_the_same_picture() {
 #[test]
 #[ignore = "needs ../shared/data"]
 fn every_real_map_loads_whole() {
-    let files: Vec<_> = data()
-        .join("env")
-        .read_dir()
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .collect();
+    let files: Vec<_> = data().join("env").read_dir().unwrap().map(|e| e.unwrap().path()).collect();
     assert_eq!(files.len(), 16);
     for path in files {
-        let Loaded {
-            environment,
-            mended,
-            source,
-        } = load_path(&path).unwrap();
+        let Loaded { environment, mended, source } = load_path(&path).unwrap();
         assert_eq!((environment.width, environment.height), (1024, 512));
         assert!(source.notes.is_empty(), "{source}");
         for (before, after) in mended.mean_before.iter().zip(mended.mean_after) {

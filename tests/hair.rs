@@ -20,8 +20,7 @@ fn groom(strands: usize, points: usize) -> Hair {
         let (sin, cos) = (2.399_963_2 * s as f32).sin_cos();
         let root = 0.1 * vec3(cos * (1.0 - y * y).sqrt(), y, sin * (1.0 - y * y).sqrt());
         let step = vec3(0.0, -0.2 / (points - 1) as f32, 0.0);
-        hair.points
-            .extend((0..points).map(|i| root + i as f32 * step));
+        hair.points.extend((0..points).map(|i| root + i as f32 * step));
     }
     hair
 }
@@ -127,11 +126,7 @@ fn every_combination_of_hair_arrays_round_trips() {
 fn a_written_hair_file_loads_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("groom.hair");
-    let file = HairFile {
-        hair: groom(50, 5),
-        header: Header::default(),
-        trailing_bytes: 0,
-    };
+    let file = HairFile { hair: groom(50, 5), header: Header::default(), trailing_bytes: 0 };
     file.write(&path).unwrap();
     let loaded = load(path.to_str().unwrap(), &LoadOptions::default()).unwrap();
     assert_eq!(loaded.hair, file.hair);
@@ -140,10 +135,7 @@ fn a_written_hair_file_loads_again() {
 
     let nowhere = folder.path().join("missing/groom.hair");
     let line = error_line(file.write(&nowhere));
-    assert!(
-        line.contains("missing/groom.hair: cannot be written"),
-        "{line}"
-    );
+    assert!(line.contains("missing/groom.hair: cannot be written"), "{line}");
 }
 
 /// A `.tfx` of 2 strands of 3 points with thickness and colour, made apart from the code under test.
@@ -191,113 +183,34 @@ fn hostile_files_give_one_line() {
     let cases = [
         ("empty", vec![], "neither a .hair nor"),
         ("magic only", b"HAIR".to_vec(), "header of 128 bytes"),
-        (
-            "another format",
-            b"#usda 1.0".to_vec(),
-            "neither a .hair nor",
-        ),
+        ("another format", b"#usda 1.0".to_vec(), "neither a .hair nor"),
         ("no strands", hair_header(0, 4, 2, 1), "holds no strands"),
-        (
-            "no points array",
-            hair_header(1, 2, 1, 1),
-            "holds no points array",
-        ),
-        (
-            "points beyond the file",
-            hair_header(1, all, 2, all - 1),
-            "cut short",
-        ),
-        (
-            "segments beyond the file",
-            hair_header(all, 2, 3, 1),
-            "cut short",
-        ),
-        (
-            "counts at their limit",
-            hair_header(all, all, 31, all),
-            "cut short",
-        ),
-        (
-            "strands times segments beyond u32",
-            hair_header(all, 0, 2, all),
-            "contradicts itself",
-        ),
-        (
-            "65,535 segments promised",
-            segments(&[65535, 1], 4),
-            "have 65538 points",
-        ),
-        (
-            "fewer points than segments say",
-            segments(&[1, 1], 3),
-            "have 4 points",
-        ),
-        (
-            "more points than segments say",
-            segments(&[1, 1], 5),
-            "have 4 points",
-        ),
-        (
-            "single points alone",
-            single,
-            "no strand with two different points",
-        ),
-        (
-            "all at one place",
-            segments(&[3, 3], 8),
-            "no strand with two different points",
-        ),
+        ("no points array", hair_header(1, 2, 1, 1), "holds no points array"),
+        ("points beyond the file", hair_header(1, all, 2, all - 1), "cut short"),
+        ("segments beyond the file", hair_header(all, 2, 3, 1), "cut short"),
+        ("counts at their limit", hair_header(all, all, 31, all), "cut short"),
+        ("strands times segments beyond u32", hair_header(all, 0, 2, all), "contradicts itself"),
+        ("65,535 segments promised", segments(&[65535, 1], 4), "have 65538 points"),
+        ("fewer points than segments say", segments(&[1, 1], 3), "have 4 points"),
+        ("more points than segments say", segments(&[1, 1], 5), "have 4 points"),
+        ("single points alone", single, "no strand with two different points"),
+        ("all at one place", segments(&[3, 3], 8), "no strand with two different points"),
         ("text tfx", b"version 2.0\nscale 1".to_vec(), "text .tfx"),
-        (
-            "tfx header cut",
-            tfx()[..100].to_vec(),
-            "header of 160 bytes",
-        ),
+        ("tfx header cut", tfx()[..100].to_vec(), "header of 160 bytes"),
         ("tfx without strands", with(tfx(), 4, 0), "holds no strands"),
         ("tfx without points", with(tfx(), 8, 0), "holds no strands"),
-        (
-            "tfx without positions",
-            with(tfx(), 12, 0),
-            "holds no positions",
-        ),
-        (
-            "tfx strands beyond the file",
-            with(tfx(), 4, all),
-            "cut short",
-        ),
-        (
-            "tfx counts at their limit",
-            with(with(tfx(), 4, all), 8, all),
-            "cut short",
-        ),
-        (
-            "tfx positions in the header",
-            with(tfx(), 12, 8),
-            "inside the header",
-        ),
-        (
-            "tfx positions beyond the file",
-            with(tfx(), 12, all),
-            "cut short",
-        ),
-        (
-            "tfx thickness beyond the file",
-            with(tfx(), 24, 400),
-            "thickness",
-        ),
-        (
-            "tfx colours beyond the file",
-            with(tfx(), 28, 300),
-            "colours",
-        ),
+        ("tfx without positions", with(tfx(), 12, 0), "holds no positions"),
+        ("tfx strands beyond the file", with(tfx(), 4, all), "cut short"),
+        ("tfx counts at their limit", with(with(tfx(), 4, all), 8, all), "cut short"),
+        ("tfx positions in the header", with(tfx(), 12, 8), "inside the header"),
+        ("tfx positions beyond the file", with(tfx(), 12, all), "cut short"),
+        ("tfx thickness beyond the file", with(tfx(), 24, 400), "thickness"),
+        ("tfx colours beyond the file", with(tfx(), 28, 300), "colours"),
     ];
     for (name, bytes, expected) in cases {
         let line = error_line(load_bytes(&bytes, &LoadOptions::default()));
         assert!(line.contains(expected), "{name}: {line}");
-        assert!(
-            line.contains("tmp"),
-            "{name} does not name its file: {line}"
-        );
+        assert!(line.contains("tmp"), "{name} does not name its file: {line}");
     }
 
     let mut tiny = hair_header(1, 2, 2, 1);
@@ -305,15 +218,9 @@ fn hostile_files_give_one_line() {
     let line = error_line(load_bytes(&tiny, &LoadOptions::default()));
     assert!(line.contains("give a scale"), "{line}");
     let missing = error_line(load("nowhere.hair", &LoadOptions::default()));
-    assert!(
-        missing.contains("nowhere.hair: cannot be read"),
-        "{missing}"
-    );
+    assert!(missing.contains("nowhere.hair: cannot be read"), "{missing}");
     for scale in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-30, 1e30] {
-        let options = LoadOptions {
-            scale,
-            ..Default::default()
-        };
+        let options = LoadOptions { scale, ..Default::default() };
         let line = error_line(load_bytes(&tfx(), &options));
         assert!(line.contains("scale"), "{line}");
     }
@@ -328,10 +235,7 @@ fn no_cut_and_no_header_byte_panics() {
         assert!(!sound(&whole[..length]), "cut at {length}");
     }
     for length in 0..tfx().len() {
-        assert!(
-            tfx_format::parse(&tfx()[..length]).is_err(),
-            "cut at {length}"
-        );
+        assert!(tfx_format::parse(&tfx()[..length]).is_err(), "cut at {length}");
     }
     for (mut bytes, header) in [(whole, 128), (tfx(), 160)] {
         for at in 0..header {
@@ -346,36 +250,21 @@ fn no_cut_and_no_header_byte_panics() {
 }
 
 fn segments_file() -> Vec<u8> {
-    let mut header = Header {
-        info: [b'x'; 88],
-        ..Default::default()
-    };
+    let mut header = Header { info: [b'x'; 88], ..Default::default() };
     header.default_thickness = f32::NAN;
-    let file = HairFile {
-        hair: groom(3, 4),
-        header,
-        trailing_bytes: 0,
-    };
+    let file = HairFile { hair: groom(3, 4), header, trailing_bytes: 0 };
     file.to_bytes().unwrap()
 }
 
 #[test]
 fn the_longest_strand_of_the_format_is_kept_whole() {
-    let mut file = HairFile {
-        hair: groom(2, 65_536),
-        header: Header::default(),
-        trailing_bytes: 0,
-    };
+    let mut file =
+        HairFile { hair: groom(2, 65_536), header: Header::default(), trailing_bytes: 0 };
     // Steps of 3e-6 at a height of 0.1 are 400 roundings long.
     let bytes = file.to_bytes().unwrap();
     let mut read = hair_format::parse(&bytes).unwrap().hair;
     let mended = mend(&mut read);
-    assert_eq!(
-        (mended.mended, mended.dropped),
-        (0, 0),
-        "{:?}",
-        mended.notes
-    );
+    assert_eq!((mended.mended, mended.dropped), (0, 0), "{:?}", mended.notes);
     assert_eq!(read, file.hair);
 
     file.hair = groom(2, 65_537);
@@ -402,17 +291,8 @@ fn mending_removes_what_has_no_direction_and_counts_it() {
     hair.transparency.as_mut().unwrap()[26] = nan;
     let mended = mend(&mut hair);
 
-    assert_eq!(
-        (mended.mended, mended.dropped),
-        (5, 2),
-        "{:?}",
-        mended.notes
-    );
-    let counts: Vec<&str> = mended
-        .notes
-        .iter()
-        .filter_map(|n| n.split(' ').next())
-        .collect();
+    assert_eq!((mended.mended, mended.dropped), (5, 2), "{:?}", mended.notes);
+    let counts: Vec<&str> = mended.notes.iter().filter_map(|n| n.split(' ').next()).collect();
     // Thickness, colour, transparency, unusable points, repeated points, dropped strands.
     assert_eq!(counts, ["2", "1", "1", "5", "4", "2"], "{:?}", mended.notes);
     assert_eq!(hair.offsets, [0, 3, 6, 9, 13, 17, 21]);
@@ -428,10 +308,7 @@ fn mending_removes_what_has_no_direction_and_counts_it() {
     assert_eq!((again.mended, again.dropped), (0, 0), "{:?}", again.notes);
     assert_eq!(hair, once);
 
-    let mut nowhere_sound = Hair {
-        thickness: Some(vec![nan; 32]),
-        ..sound
-    };
+    let mut nowhere_sound = Hair { thickness: Some(vec![nan; 32]), ..sound };
     let mended = mend(&mut nowhere_sound);
     assert_eq!(nowhere_sound.thickness, None);
     assert!(mended.notes[0].starts_with("32 "), "{:?}", mended.notes);
@@ -463,11 +340,7 @@ fn mending_does_not_depend_on_units_or_place() {
 #[test]
 fn up_axis_and_scale_bring_a_file_into_the_world() {
     let axis = |up: Up| {
-        let sign = if up.to_string().starts_with('-') {
-            -1.0
-        } else {
-            1.0
-        };
+        let sign = if up.to_string().starts_with('-') { -1.0 } else { 1.0 };
         let plain = up.to_string().replace('-', "");
         sign * match plain.as_str() {
             "x" => Vec3::X,
@@ -489,19 +362,9 @@ fn up_axis_and_scale_bring_a_file_into_the_world() {
     for p in &mut hair.points {
         *p = vec3(p.x, -p.z, p.y); // y up to z up
     }
-    let bytes = HairFile {
-        hair,
-        header: Header::default(),
-        trailing_bytes: 0,
-    }
-    .to_bytes()
-    .unwrap();
+    let bytes = HairFile { hair, header: Header::default(), trailing_bytes: 0 }.to_bytes().unwrap();
     let with = |up: Up, scale: f32| {
-        let options = LoadOptions {
-            up,
-            scale,
-            ..Default::default()
-        };
+        let options = LoadOptions { up, scale, ..Default::default() };
         load_bytes(&bytes, &options).unwrap()
     };
     let doubts = |l: &LoadedHair| l.assumed.iter().any(|a| a.contains("--up z may be meant"));
@@ -517,19 +380,12 @@ fn up_axis_and_scale_bring_a_file_into_the_world() {
 fn one_stray_strand_changes_neither_view_nor_width() {
     let hair = groom(100, 8);
     let (center, radius) = hair.center_radius();
-    let farthest = |c: Vec3| {
-        hair.points
-            .iter()
-            .map(|p| p.distance(c))
-            .fold(0.0, f32::max)
-    };
+    let farthest = |c: Vec3| hair.points.iter().map(|p| p.distance(c)).fold(0.0, f32::max);
     assert_eq!(radius, farthest(center));
     assert!((0.15..0.25).contains(&radius), "{radius}");
 
     let mut with_stray = hair.clone();
-    with_stray
-        .points
-        .extend((0..65_536).map(|i| vec3(1e7, i as f32, 0.0)));
+    with_stray.points.extend((0..65_536).map(|i| vec3(1e7, i as f32, 0.0)));
     with_stray.offsets.push(with_stray.points.len() as u32);
     assert_eq!(with_stray.center_radius(), (center, radius));
     assert_eq!(with_stray.bounds().1.x, 1e7);
@@ -551,9 +407,7 @@ fn the_fibre_diameter_follows_count_and_unit() {
         hair.points.iter_mut().for_each(|p| *p *= scale);
         fibre_diameter(&hair).diameter
     };
-    let counts = [
-        100, 1_000, 17_000, 30_000, 60_000, 100_000, 199_000, 400_000,
-    ];
+    let counts = [100, 1_000, 17_000, 30_000, 60_000, 100_000, 199_000, 400_000];
     let widths = counts.map(|n| diameter(n, 1.0));
     assert!(widths.is_sorted_by(|a, b| a >= &(b * 0.999)), "{widths:?}");
     let at = |i: usize| widths[i] / 80e-6;
@@ -567,11 +421,8 @@ fn the_fibre_diameter_follows_count_and_unit() {
     }
     assert!((diameter(1_000, 250.0) / diameter(1_000, 1.0) - 250.0).abs() < 0.01);
 
-    let single = Hair {
-        points: vec![Vec3::ZERO, Vec3::Y],
-        offsets: vec![0, 2],
-        ..Default::default()
-    };
+    let single =
+        Hair { points: vec![Vec3::ZERO, Vec3::Y], offsets: vec![0, 2], ..Default::default() };
     assert!((fibre_diameter(&single).diameter - 6.0 * 80e-6).abs() < 1e-7);
 }
 
@@ -612,11 +463,7 @@ fn obj_heads_are_mended_and_given_normals() {
     let at = |p: Vec3| (0..head.positions.len()).filter(move |&i| head.positions[i] == p);
     assert_eq!(at(Vec3::ZERO).count(), 2, "the seam splits the corner");
     for i in at(Vec3::ZERO) {
-        assert!(
-            head.normals[i].distance(corner) < 1e-6,
-            "{}",
-            head.normals[i]
-        );
+        assert!(head.normals[i].distance(corner) < 1e-6, "{}", head.normals[i]);
     }
     for i in at(vec3(3.0, 1.0, 0.0)) {
         assert_eq!(head.normals[i], Vec3::Z);
@@ -644,10 +491,7 @@ fn hostile_obj_heads_give_one_line() {
         (b"v 0 0 0\nv 1 0 0\nv nan 0 0\nf 1 2 3\n", "no triangle"),
         (b"v 0 0 0\nf 1 2 9\n", "not a sound OBJ"),
         (b"v 0 0 0\nf 1 2 -9223372036854775808\n", "not a sound OBJ"),
-        (
-            b"v 0 0 0\nvn 0 0 1\nf 1//1 1//1 1//9999999999999\n",
-            "not a sound OBJ",
-        ),
+        (b"v 0 0 0\nvn 0 0 1\nf 1//1 1//1 1//9999999999999\n", "not a sound OBJ"),
         (b"v 0 zero 0\nf 1 1 1\n", "not a sound OBJ"),
         (b"HAIR\0\0\0", "no triangle"),
     ];
@@ -685,31 +529,17 @@ fn every_groom_and_head_of_the_data_loads_whole() {
         // All are of people and, but for one, in metres: the roots must say so within 5 %.
         let metre = metre(&loaded.hair);
         let in_metres = (metre - 1.0).abs() < 0.05;
-        assert_eq!(
-            in_metres,
-            name != "tressfx_ponytail.hair",
-            "{name}: {metre}"
-        );
-        assert!(
-            !loaded.assumed.iter().any(|a| a.contains("may be meant")),
-            "{name}"
-        );
+        assert_eq!(in_metres, name != "tressfx_ponytail.hair", "{name}: {metre}");
+        assert!(!loaded.assumed.iter().any(|a| a.contains("may be meant")), "{name}");
         // None has a stray: the view must hold all.
         let (center, radius) = loaded.hair.center_radius();
         let beyond = |p: &&Vec3| p.distance(center) > radius;
-        assert_eq!(
-            loaded.hair.points.iter().filter(beyond).count(),
-            0,
-            "{name}"
-        );
+        assert_eq!(loaded.hair.points.iter().filter(beyond).count(), 0, "{name}");
 
         if name.ends_with(".hair") {
             let bytes = std::fs::read(&path).unwrap();
             let file = hair_format::parse(&bytes).unwrap();
-            assert!(
-                file.to_bytes().unwrap() == bytes,
-                "{name} does not round trip"
-            );
+            assert!(file.to_bytes().unwrap() == bytes, "{name} does not round trip");
         }
     }
     for (name, triangles, dropped) in [("sintel", 5_952, 0), ("vitruvian_bust", 37_334, 2)] {

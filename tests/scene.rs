@@ -18,15 +18,9 @@ pub fn samples(field: &Field) -> Vec<String> {
         Kind::Text => text(&["llvmpipe", "has \\\"quotes\\\" and = # signs"]),
         Kind::Source { builtins, words } => {
             let builtin = builtins.iter().map(|name| format!("\"builtin:{name}\""));
-            builtin
-                .chain(text(words))
-                .chain(text(&["a folder/file.x", "/ab.hair"]))
-                .collect()
+            builtin.chain(text(words)).chain(text(&["a folder/file.x", "/ab.hair"])).collect()
         }
-        Kind::Output(extensions) => extensions
-            .iter()
-            .map(|e| format!("\"dir/a.{e}\""))
-            .collect(),
+        Kind::Output(extensions) => extensions.iter().map(|e| format!("\"dir/a.{e}\"")).collect(),
         Kind::Vector { min, max } => vec![format!("[{min:?}, 0.125, {max:?}]")],
         Kind::Color { min, max, words } => {
             let numbers = [format!("[{min:?}, 0.3, {max:?}]"), "\"#8040c0\"".to_owned()];
@@ -71,10 +65,7 @@ fn every_field_reads_alike_from_a_file_and_from_set_and_prints_back() {
         for literal in samples(field) {
             let from_file = scene_with(field, &literal);
             let (table, name) = field.key.split_once('.').unwrap();
-            assert_eq!(
-                parse(&format!("[{table}]\n{name} = {literal}")).unwrap(),
-                from_file
-            );
+            assert_eq!(parse(&format!("[{table}]\n{name} = {literal}")).unwrap(), from_file);
 
             let typed = match literal.contains('\\') {
                 true => literal.trim_matches('"').replace("\\\"", "\""),
@@ -89,11 +80,7 @@ fn every_field_reads_alike_from_a_file_and_from_set_and_prints_back() {
         }
         // Else a field that sets nothing would pass.
         let differ = scenes.iter().any(|scene| *scene != Scene::default());
-        assert!(
-            differ || field.key == "render.method",
-            "{} changes nothing",
-            field.key
-        );
+        assert!(differ || field.key == "render.method", "{} changes nothing", field.key);
     }
 }
 
@@ -108,18 +95,7 @@ fn keys_and_flags_are_unique_and_tables_contiguous() {
     }
     let mut groups: Vec<&str> = FIELDS.iter().map(Field::group).collect();
     groups.dedup();
-    assert_eq!(
-        groups,
-        [
-            "hair",
-            "head",
-            "environment",
-            "fibre",
-            "camera",
-            "render",
-            "output"
-        ]
-    );
+    assert_eq!(groups, ["hair", "head", "environment", "fibre", "camera", "render", "output"]);
 }
 
 #[test]
@@ -130,11 +106,7 @@ fn just_beyond_either_end_is_an_error_that_names_key_value_and_range() {
                 .map(|x| format!("{x:?}").to_lowercase())
                 .to_vec(),
             Kind::Integer { min, max } => {
-                vec![
-                    format!("{}", min - 1.0),
-                    format!("{}", max + 1.0),
-                    format!("{}", min + 0.5),
-                ]
+                vec![format!("{}", min - 1.0), format!("{}", max + 1.0), format!("{}", min + 0.5)]
             }
             Kind::Vector { min, max } | Kind::Color { min, max, .. } => vec![
                 format!("[{:?}, 0.5, 0.5]", min.next_down()),
@@ -152,11 +124,7 @@ fn just_beyond_either_end_is_an_error_that_names_key_value_and_range() {
         };
         for literal in beyond {
             let error = error_of(&format!("\n{} = {literal}", field.key));
-            let start = format!(
-                "scene.toml:2: `{}` must be {}, not ",
-                field.key,
-                field.expects()
-            );
+            let start = format!("scene.toml:2: `{}` must be {}, not ", field.key, field.expects());
             assert!(error.starts_with(&start), "{error}");
             assert!(field.parse(&literal).is_err(), "{} = {literal}", field.key);
         }
@@ -192,18 +160,12 @@ fn unknown_keys_name_the_nearest() {
     ] {
         let expected = format!("unknown key `{unknown}`; did you mean `{near}`?");
         assert_eq!(field_named(unknown).err(), Some(expected.clone()));
-        assert_eq!(
-            error_of(&format!("{unknown} = 1")),
-            format!("scene.toml:1: {expected}")
-        );
+        assert_eq!(error_of(&format!("{unknown} = 1")), format!("scene.toml:1: {expected}"));
     }
     for field in FIELDS {
         let doubled = format!("{}{}", field.key, field.key.chars().last().unwrap());
         let error = field_named(&doubled).err().unwrap();
-        assert!(
-            error.ends_with(&format!("did you mean `{}`?", field.key)),
-            "{error}"
-        );
+        assert!(error.ends_with(&format!("did you mean `{}`?", field.key)), "{error}");
     }
     for table in ["fibre = 3", "[[fibre]]\neta = 2"] {
         assert!(error_of(table).contains("`fibre` is a table of keys such as `fibre."));
@@ -235,42 +197,20 @@ fn presets_come_first_in_their_level_and_replace_earlier_levels() {
         let scene = levels(&[&[&format!("fibre.preset={}", preset.name)]]).unwrap();
         assert_eq!(scene.fibre.preset, preset.name);
         assert_eq!(scene.fibre.pigment, preset.pigment);
-        assert!(
-            (5.0..=10.0).contains(&scene.fibre.beta_r_deg),
-            "{}",
-            preset.name
-        );
-        assert!(
-            (-10.0..=-5.0).contains(&scene.fibre.alpha_r_deg),
-            "{}",
-            preset.name
-        );
+        assert!((5.0..=10.0).contains(&scene.fibre.beta_r_deg), "{}", preset.name);
+        assert!((-10.0..=-5.0).contains(&scene.fibre.alpha_r_deg), "{}", preset.name);
         assert!((0.1..=0.2).contains(&scene.fibre.w_c), "{}", preset.name);
         assert!(!preset.rationale.is_empty());
     }
-    assert_eq!(
-        levels(&[&["fibre.preset=brown"]]).unwrap(),
-        Scene::default()
-    );
+    assert_eq!(levels(&[&["fibre.preset=brown"]]).unwrap(), Scene::default());
 
-    let explicit_wins = levels(&[&[
-        "fibre.beta_r_deg=3",
-        "fibre.preset=red",
-        "fibre.eumelanin=2",
-    ]])
-    .unwrap();
+    let explicit_wins =
+        levels(&[&["fibre.beta_r_deg=3", "fibre.preset=red", "fibre.eumelanin=2"]]).unwrap();
     assert_eq!(explicit_wins.fibre.beta_r_deg, 3.0);
-    let red_pheomelanin = Pigment::Melanin {
-        eumelanin: 2.0,
-        pheomelanin: 1.5,
-    };
+    let red_pheomelanin = Pigment::Melanin { eumelanin: 2.0, pheomelanin: 1.5 };
     assert_eq!(explicit_wins.fibre.pigment, red_pheomelanin);
 
-    let earlier = [
-        "fibre.sigma_a=[1,2,3]",
-        "fibre.beta_tt_deg=9",
-        "fibre.eta=1.6",
-    ];
+    let earlier = ["fibre.sigma_a=[1,2,3]", "fibre.beta_tt_deg=9", "fibre.eta=1.6"];
     let later_wins = levels(&[&earlier, &["fibre.preset=blond"]]).unwrap();
     let blond = levels(&[&["fibre.preset=blond", "fibre.eta=1.6"]]).unwrap();
     assert_eq!(later_wins, blond);
@@ -294,10 +234,7 @@ fn one_level_states_a_thing_in_one_way_and_a_later_level_in_another() {
         assert_eq!(replaced, levels(&[&[second]]).unwrap());
     }
     let melanin = levels(&[&["fibre.eumelanin=1", "fibre.pheomelanin=0.5"]]).unwrap();
-    assert_eq!(
-        melanin,
-        levels(&[&["fibre.eumelanin=1"], &["fibre.pheomelanin=0.5"]]).unwrap()
-    );
+    assert_eq!(melanin, levels(&[&["fibre.eumelanin=1"], &["fibre.pheomelanin=0.5"]]).unwrap());
     assert!(levels(&[&["camera.target=[0,1,0]", "camera.azimuth_deg=3"]]).is_ok());
     assert!(
         error_of("camera = { position = [0, 0, 5], distance = 3 }").contains("camera.distance")
@@ -307,11 +244,7 @@ fn one_level_states_a_thing_in_one_way_and_a_later_level_in_another() {
 #[test]
 fn colours_resolve_to_absorption_per_radius() {
     // d'Eon's cross-sections, by hand.
-    let melanin = Pigment::Melanin {
-        eumelanin: 2.0,
-        pheomelanin: 0.5,
-    }
-    .sigma_a();
+    let melanin = Pigment::Melanin { eumelanin: 2.0, pheomelanin: 0.5 }.sigma_a();
     assert_near(&melanin, &[0.9315, 1.594, 3.265], 1e-12);
     let absorption = [0.1, 0.2, 1000.0];
     assert_eq!(Pigment::Absorption(absorption).sigma_a(), absorption);
@@ -331,48 +264,25 @@ fn colours_resolve_to_absorption_per_radius() {
 fn tt_and_trt_are_linked_to_r_unless_set_apart() {
     let fibre = |texts: &[&str]| levels(&[texts]).unwrap().fibre.resolve();
     let degrees = |xs: [f64; 3]| xs.map(f64::to_degrees);
-    let linked = fibre(&[
-        "fibre.beta_r_deg=6",
-        "fibre.alpha_r_deg=-8",
-        "fibre.w_c=0.3",
-    ]);
+    let linked = fibre(&["fibre.beta_r_deg=6", "fibre.alpha_r_deg=-8", "fibre.w_c=0.3"]);
     assert_near(&degrees(linked.beta), &[6.0, 3.0, 12.0], 1e-12);
     assert_near(&degrees(linked.alpha), &[-8.0, 4.0, 12.0], 1e-12);
-    assert_eq!(
-        (linked.w_c, linked.eta, linked.eccentricity),
-        (0.3, 1.55, 1.0)
-    );
+    assert_eq!((linked.w_c, linked.eta, linked.eccentricity), (0.3, 1.55, 1.0));
 
-    let apart = [
-        "fibre.beta_r_deg=6",
-        "fibre.beta_tt_deg=5",
-        "fibre.alpha_trt_deg=1",
-    ];
+    let apart = ["fibre.beta_r_deg=6", "fibre.beta_tt_deg=5", "fibre.alpha_trt_deg=1"];
     assert_near(&degrees(fibre(&apart).beta), &[6.0, 5.0, 12.0], 1e-12);
     assert_near(&degrees(fibre(&apart).alpha), &[-7.0, 3.5, 1.0], 1e-12);
-    let relinked = levels(&[&apart, &["fibre.beta_tt_deg=linked"]])
-        .unwrap()
-        .fibre
-        .resolve();
+    let relinked = levels(&[&apart, &["fibre.beta_tt_deg=linked"]]).unwrap().fibre.resolve();
     assert_near(&degrees(relinked.beta), &[6.0, 3.0, 12.0], 1e-12);
 
-    assert_near(
-        &degrees(fibre(&["fibre.beta_r_deg=45"]).beta),
-        &[45.0, 22.5, 45.0],
-        1e-12,
-    );
+    assert_near(&degrees(fibre(&["fibre.beta_r_deg=45"]).beta), &[45.0, 22.5, 45.0], 1e-12);
 }
 
 #[test]
 fn paths_in_a_file_start_at_the_file() {
     let text = "hair.source = 'a.hair'\nhead.source = 'none'\noutput.stats = 'b.json'";
     let scene = Scene::from_toml(text, "x.toml", Path::new("scenes")).unwrap();
-    let under = |name: &str| {
-        Path::new("scenes")
-            .join(name)
-            .to_string_lossy()
-            .into_owned()
-    };
+    let under = |name: &str| Path::new("scenes").join(name).to_string_lossy().into_owned();
     assert_eq!(scene.hair.source, under("a.hair"));
     assert_eq!(scene.output.stats, Some(under("b.json")));
     // Neither words nor defaults are moved.
@@ -387,10 +297,7 @@ fn the_builtin_maps_of_the_table_exist() {
         panic!("a source");
     };
     for name in builtins {
-        assert!(
-            hairlight::environment::load(&format!("builtin:{name}")).is_ok(),
-            "{name}"
-        );
+        assert!(hairlight::environment::load(&format!("builtin:{name}")).is_ok(), "{name}");
     }
     assert!(hairlight::environment::load("builtin:noon").is_err());
 }
@@ -414,18 +321,12 @@ fn the_builtin_head_goes_with_builtin_hair() {
 fn the_orbit_fills_its_share_of_the_tighter_side() {
     let (center, radius) = (Vec3::new(1.0, 2.0, 3.0), 0.25);
     for (aspect, fov_deg) in [(1.5, 30.0), (0.5, 30.0), (1.0, 90.0)] {
-        let camera = CameraSpec {
-            fov_deg,
-            ..CameraSpec::default()
-        };
+        let camera = CameraSpec { fov_deg, ..CameraSpec::default() };
         let camera = camera.resolve(center, radius, aspect).unwrap();
         let (high, wide) = outline(&camera, center.as_dvec3(), 0.25);
         let tan_half_fov = (fov_deg / 2.0).to_radians().tan();
         let filled = (high / tan_half_fov).max(wide / (tan_half_fov * aspect));
-        assert!(
-            (filled - 0.85).abs() < 1e-3,
-            "aspect {aspect}, fov {fov_deg}: {filled}"
-        );
+        assert!((filled - 0.85).abs() < 1e-3, "aspect {aspect}, fov {fov_deg}: {filled}");
     }
 }
 
@@ -449,21 +350,14 @@ fn outline(camera: &Camera, center: DVec3, radius: f64) -> (f64, f64) {
 #[test]
 fn cameras_stand_where_they_are_told() {
     let orbit = |azimuth_deg, elevation_deg| CameraSpec {
-        view: View::Orbit(Orbit {
-            azimuth_deg,
-            elevation_deg,
-            distance: Some(4.0),
-        }),
+        view: View::Orbit(Orbit { azimuth_deg, elevation_deg, distance: Some(4.0) }),
         ..CameraSpec::default()
     };
     let at = |spec: CameraSpec| spec.resolve(Vec3::Y, 0.5, 1.5).unwrap();
     assert_vec_near(at(orbit(0.0, 0.0)).position, DVec3::new(0.0, 1.0, 2.0));
     assert_vec_near(at(orbit(90.0, 0.0)).position, DVec3::new(2.0, 1.0, 0.0));
     assert_vec_near(at(orbit(0.0, 90.0)).position, DVec3::new(0.0, 3.0, 0.0));
-    assert_vec_near(
-        at(orbit(0.0, 0.0)).turned(90.0).position,
-        at(orbit(90.0, 0.0)).position,
-    );
+    assert_vec_near(at(orbit(0.0, 0.0)).turned(90.0).position, at(orbit(90.0, 0.0)).position);
     for (azimuth, elevation) in [(0.0, 90.0), (30.0, -90.0), (35.0, 5.0), (200.0, 60.0)] {
         let camera = at(orbit(azimuth, elevation));
         let forward = (camera.target - camera.position).normalize();
@@ -477,19 +371,13 @@ fn cameras_stand_where_they_are_told() {
     };
     assert_vec_near(at(fixed).position, DVec3::new(1.0, 2.0, 3.0));
     assert_vec_near(at(fixed).target, DVec3::new(1.0, 2.0, 0.0));
-    let nowhere = CameraSpec {
-        target: Some([1.0, 2.0, 3.0]),
-        ..fixed
-    };
+    let nowhere = CameraSpec { target: Some([1.0, 2.0, 3.0]), ..fixed };
     assert!(nowhere.resolve(Vec3::Y, 0.5, 1.5).is_err());
 }
 
 fn assert_near(actual: &[f64], expected: &[f64], tolerance: f64) {
     assert_eq!(actual.len(), expected.len());
-    let near = actual
-        .iter()
-        .zip(expected)
-        .all(|(a, e)| (a - e).abs() <= tolerance);
+    let near = actual.iter().zip(expected).all(|(a, e)| (a - e).abs() <= tolerance);
     assert!(near, "{actual:?} is not {expected:?}");
 }
 

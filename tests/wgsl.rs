@@ -64,9 +64,8 @@ struct Case<'a> {
 /// The worst of a case's outputs as a multiple of its tolerance, with a line that describes it.
 fn worst(gpu: &Gpu, fibre: &Fibre, case: &Case, count: usize) -> (f64, String) {
     // The shader sees f32: so does the twin.
-    let inputs: Vec<[f64; INPUTS]> = (0..count)
-        .map(|i| (case.input)(low_discrepancy(i)).map(|x| f64::from(x as f32)))
-        .collect();
+    let inputs: Vec<[f64; INPUTS]> =
+        (0..count).map(|i| (case.input)(low_discrepancy(i)).map(|x| f64::from(x as f32))).collect();
     let outputs = run(gpu, case.statement, fibre, &inputs);
     let mut worst = (0.0, format!("{}: exact", case.name));
     for (input, output) in inputs.iter().zip(&outputs) {
@@ -74,11 +73,7 @@ fn worst(gpu: &Gpu, fibre: &Fibre, case: &Case, count: usize) -> (f64, String) {
             let got = f64::from(output[k]);
             let excess = (got - want).abs() / (case.relative * want.abs() + case.floor);
             if !excess.is_finite() || excess > worst.0 {
-                let excess = if excess.is_finite() {
-                    excess
-                } else {
-                    f64::INFINITY
-                };
+                let excess = if excess.is_finite() { excess } else { f64::INFINITY };
                 let line = format!("{}[{k}] at {input:.6?}: {got:e}, twin {want:e}", case.name);
                 worst = (excess, line);
             }
@@ -89,10 +84,7 @@ fn worst(gpu: &Gpu, fibre: &Fibre, case: &Case, count: usize) -> (f64, String) {
 
 /// Runs every case before it fails.
 fn check(gpu: &Gpu, fibre: &Fibre, cases: &[Case], count: usize) {
-    let results: Vec<_> = cases
-        .iter()
-        .map(|case| worst(gpu, fibre, case, count))
-        .collect();
+    let results: Vec<_> = cases.iter().map(|case| worst(gpu, fibre, case, count)).collect();
     let failed: Vec<_> = results.iter().filter(|(excess, _)| *excess > 1.0).collect();
     for (excess, line) in &results {
         println!("{excess:8.3} of the tolerance, {line}");
@@ -109,16 +101,7 @@ fn scattering_input(u: [f64; INPUTS]) -> [f64; INPUTS] {
     let theta_o = 1.5 * (2.0 * u[0] - 1.0);
     let theta_j = (-theta_o + 1.2 * (2.0 * u[1] - 1.0)).clamp(-1.5, 1.5);
     let width = 0.02 * 150f64.powf(u[3]);
-    [
-        theta_o,
-        theta_j,
-        PI * (2.0 * u[2] - 1.0),
-        2.0 * u[4] - 1.0,
-        width,
-        0.0,
-        0.0,
-        0.0,
-    ]
+    [theta_o, theta_j, PI * (2.0 * u[2] - 1.0), 2.0 * u[4] - 1.0, width, 0.0, 0.0, 0.0]
 }
 
 fn flat(modes: Modes) -> Vec<f64> {
@@ -149,11 +132,7 @@ fn scattering_cases<'a>(xu: &'a Twins) -> Vec<Case<'a>> {
         case("single_scattering", SINGLE, &*xu.single),
         case("global_scattering", GLOBAL, &*xu.global),
         case("local_scattering_direct", LOCAL_DIRECT, &*xu.local_direct),
-        case(
-            "local_scattering_forward",
-            LOCAL_FORWARD,
-            &*xu.local_forward,
-        ),
+        case("local_scattering_forward", LOCAL_FORWARD, &*xu.local_forward),
     ]
 }
 
@@ -293,18 +272,11 @@ fn integrals_equal_their_twins() {
 fn a_fibre_one_percent_off_is_told() {
     let gpu = cpu();
     let fibre = fibre([0.0, 0.3, 1.5], 7.5, 1.0);
-    let other = Fibre {
-        eta: 1.01 * fibre.eta,
-        ..fibre
-    };
+    let other = Fibre { eta: 1.01 * fibre.eta, ..fibre };
     let twins = Twins::new(&fibre);
     for case in &scattering_cases(&twins)[..2] {
         let (excess, _) = worst(&gpu, &other, case, 512);
-        assert!(
-            excess > 1.0,
-            "{} does not feel η: {excess} of its tolerance",
-            case.name
-        );
+        assert!(excess > 1.0, "{} does not feel η: {excess} of its tolerance", case.name);
     }
 }
 
@@ -312,15 +284,7 @@ fn a_fibre_one_percent_off_is_told() {
 fn hard_inputs_stay_finite() {
     let gpu = cpu();
     let statements = [SINGLE, GLOBAL, LOCAL_DIRECT, LOCAL_FORWARD];
-    let edges = [
-        -FRAC_PI_2,
-        -FRAC_PI_2 + 1e-6,
-        -0.3,
-        0.0,
-        0.8,
-        FRAC_PI_2 - 1e-6,
-        FRAC_PI_2,
-    ];
+    let edges = [-FRAC_PI_2, -FRAC_PI_2 + 1e-6, -0.3, 0.0, 0.8, FRAC_PI_2 - 1e-6, FRAC_PI_2];
     let mut inputs = Vec::new();
     for theta_o in edges {
         for theta_j in edges.into_iter().chain([-theta_o]) {
@@ -341,15 +305,8 @@ fn hard_inputs_stay_finite() {
         fibre([0.1; 3], 7.5, 2.0),
         Fibre { eta: 1.0, ..common },
         Fibre { eta: 3.0, ..common },
-        Fibre {
-            eta: 2.0 + 1e-7,
-            w_c: 0.01,
-            ..common
-        },
-        Fibre {
-            alpha: [-20f64.to_radians(), 20f64.to_radians(), 60f64.to_radians()],
-            ..common
-        },
+        Fibre { eta: 2.0 + 1e-7, w_c: 0.01, ..common },
+        Fibre { alpha: [-20f64.to_radians(), 20f64.to_radians(), 60f64.to_radians()], ..common },
     ];
     let mut bad = Vec::new();
     for fibre in &fibres {
@@ -361,12 +318,7 @@ fn hard_inputs_stay_finite() {
             }
         }
     }
-    assert!(
-        bad.is_empty(),
-        "{} of them, first: {:#?}",
-        bad.len(),
-        &bad[..3.min(bad.len())]
-    );
+    assert!(bad.is_empty(), "{} of them, first: {:#?}", bad.len(), &bad[..3.min(bad.len())]);
 }
 
 /// Parses and validates a shader, as the device would.
@@ -389,13 +341,9 @@ fn layouts_and_constants_are_those_of_rust() {
         .iter()
         .find(|(_, ty)| ty.name.as_deref() == Some("Fibre"))
         .expect("struct Fibre");
-    let naga::TypeInner::Struct { members, span } = &fibre.inner else {
-        panic!("{fibre:?}")
-    };
-    let offsets: Vec<_> = members
-        .iter()
-        .map(|m| (m.name.as_deref().unwrap_or(""), m.offset as usize))
-        .collect();
+    let naga::TypeInner::Struct { members, span } = &fibre.inner else { panic!("{fibre:?}") };
+    let offsets: Vec<_> =
+        members.iter().map(|m| (m.name.as_deref().unwrap_or(""), m.offset as usize)).collect();
     use std::mem::{offset_of, size_of};
     let expected = [
         ("alpha", offset_of!(FibreUniform, alpha)),
@@ -439,10 +387,6 @@ fn layouts_and_constants_are_those_of_rust() {
         ("AMPLITUDE_MIN", xu::AMPLITUDE_MIN),
     ] {
         let same = (constant(name) - value).abs() <= 1e-7 * value;
-        assert!(
-            same,
-            "{name} is {} in WGSL and {value} in Rust",
-            constant(name)
-        );
+        assert!(same, "{name} is {} in WGSL and {value} in Rust", constant(name));
     }
 }

@@ -28,26 +28,10 @@ struct Builtin {
 }
 
 const BUILTINS: [Builtin; 4] = [
-    Builtin {
-        name: "studio",
-        mean_luminance: 1.0,
-        make: studio,
-    },
-    Builtin {
-        name: "sunset",
-        mean_luminance: 0.8,
-        make: sunset,
-    },
-    Builtin {
-        name: "overcast",
-        mean_luminance: 1.0,
-        make: overcast,
-    },
-    Builtin {
-        name: "night",
-        mean_luminance: 0.15,
-        make: night,
-    },
+    Builtin { name: "studio", mean_luminance: 1.0, make: studio },
+    Builtin { name: "sunset", mean_luminance: 0.8, make: sunset },
+    Builtin { name: "overcast", mean_luminance: 1.0, make: overcast },
+    Builtin { name: "night", mean_luminance: 0.15, make: night },
 ];
 
 /// The built-in map of this name; the same bits each time on one machine.
@@ -107,10 +91,7 @@ fn studio() -> Environment {
         } else {
             (DVec3::new(-point.x.signum(), 0.0, 0.0), 0.12)
         };
-        let irradiance: DVec3 = panels
-            .iter()
-            .map(|panel| panel.irradiance(point, normal))
-            .sum();
+        let irradiance: DVec3 = panels.iter().map(|panel| panel.irradiance(point, normal)).sum();
         let mut radiance = albedo / PI * irradiance + DVec3::new(0.018, 0.019, 0.021);
         if backdrop {
             let pool = ((point.x / 1.5).powi(2) + ((point.y + 0.1) / 1.25).powi(2)) * -0.5;
@@ -138,14 +119,7 @@ impl Panel {
     fn new(centre: DVec3, half_width: f64, half_height: f64, radiance: DVec3) -> Self {
         let right = centre.cross(DVec3::Y).normalize();
         let up = right.cross(centre).normalize();
-        Self {
-            centre,
-            right,
-            up,
-            half_width,
-            half_height,
-            radiance,
-        }
+        Self { centre, right, up, half_width, half_height, radiance }
     }
 
     /// Where a ray from the origin meets the panel's plane, in its own axes from its centre.
@@ -163,10 +137,8 @@ impl Panel {
         let Some((x, y)) = self.hit(direction) else {
             return 0.0;
         };
-        let (dx, dy) = (
-            x.abs() - self.half_width + ROUNDING,
-            y.abs() - self.half_height + ROUNDING,
-        );
+        let (dx, dy) =
+            (x.abs() - self.half_width + ROUNDING, y.abs() - self.half_height + ROUNDING);
         let distance = dx.max(0.0).hypot(dy.max(0.0)) + dx.max(dy).min(0.0) - ROUNDING;
         1.0 - smoothstep(-0.05, 0.0, distance)
     }
@@ -201,13 +173,7 @@ impl Panel {
 fn exit_point(direction: DVec3, low: DVec3, high: DVec3) -> DVec3 {
     let distance = (0..3)
         .filter(|&axis| direction[axis] != 0.0)
-        .map(|axis| {
-            (if direction[axis] > 0.0 {
-                high[axis]
-            } else {
-                low[axis]
-            }) / direction[axis]
-        })
+        .map(|axis| (if direction[axis] > 0.0 { high[axis] } else { low[axis] }) / direction[axis])
         .fold(f64::INFINITY, f64::min);
     distance * direction
 }
@@ -230,10 +196,7 @@ fn sunset() -> Environment {
             let sun_angle = direction.dot(sun).clamp(-1.0, 1.0).acos();
             let glow = 9.0 * (-sun_angle / 0.045).exp() * DVec3::new(1.0, 0.68, 0.36)
                 + 1.6 * (-sun_angle / 0.22).exp() * DVec3::new(1.0, 0.58, 0.25);
-            zenith
-                .lerp(middle, (-height / 0.38).exp())
-                .lerp(horizon, (-height / 0.10).exp())
-                + glow
+            zenith.lerp(middle, (-height / 0.38).exp()).lerp(horizon, (-height / 0.10).exp()) + glow
         };
         let elevation = direction.y;
         let ridge = |base: f64, height: f64, frequency: f64, seed: f64| {
@@ -349,11 +312,7 @@ fn night() -> Environment {
 fn skyline(azimuth: f64) -> f64 {
     let house = (azimuth * 34.0).floor();
     let gap = hash(house as i64, 7, 1) < 0.22;
-    if gap {
-        0.025
-    } else {
-        0.06 + 0.20 * hash(house as i64, 3, 2).powf(1.5)
-    }
+    if gap { 0.025 } else { 0.06 + 0.20 * hash(house as i64, 3, 2).powf(1.5) }
 }
 
 /// Light of the lit windows in the houses.
@@ -394,11 +353,7 @@ fn render(radiance: impl Fn(DVec3) -> DVec3 + Sync) -> Environment {
             (sum / samples).as_vec3().to_array()
         })
         .collect();
-    Environment {
-        width: WIDTH,
-        height: HEIGHT,
-        pixels,
-    }
+    Environment { width: WIDTH, height: HEIGHT, pixels }
 }
 
 /// Directions on a regular grid within a pixel.
@@ -426,10 +381,7 @@ fn add_disc(environment: &mut Environment, centre: DVec3, irradiance: DVec3) {
             }
         }
     }
-    let solid_angle: f64 = covered
-        .iter()
-        .map(|(_, share, solid_angle)| share * solid_angle)
-        .sum();
+    let solid_angle: f64 = covered.iter().map(|(_, share, solid_angle)| share * solid_angle).sum();
     for (index, share, _) in covered {
         let added = irradiance * share / solid_angle;
         for (value, added) in environment.pixels[index].iter_mut().zip(added.to_array()) {

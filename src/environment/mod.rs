@@ -40,10 +40,7 @@ pub struct Environment {
 pub fn direction_to_uv(direction: DVec3) -> [f64; 2] {
     // v = arccos(y)/π, as an atan2 since arccos loses half the digits near the poles.
     let horizontal = direction.x.hypot(direction.z);
-    [
-        0.5 + direction.x.atan2(-direction.z) / TAU,
-        horizontal.atan2(direction.y) / PI,
-    ]
+    [0.5 + direction.x.atan2(-direction.z) / TAU, horizontal.atan2(direction.y) / PI]
 }
 
 /// Unit direction of a position in the map; u wraps. Inverse of [`direction_to_uv`].
@@ -92,10 +89,7 @@ impl Environment {
     pub fn mean_radiance(&self) -> [f64; 3] {
         let mut sum = DVec3::ZERO;
         for (row, pixels) in self.pixels.chunks_exact(self.width).enumerate() {
-            let row_sum: DVec3 = pixels
-                .iter()
-                .map(|rgb| DVec3::from(rgb.map(f64::from)))
-                .sum();
+            let row_sum: DVec3 = pixels.iter().map(|rgb| DVec3::from(rgb.map(f64::from))).sum();
             sum += row_sum * self.solid_angle(row);
         }
         (sum / (2.0 * TAU)).to_array()
@@ -167,11 +161,7 @@ fn load_unnamed(source: &str) -> Result<Loaded> {
         ));
     }
     let mended = mend::mend(&mut environment)?;
-    Ok(Loaded {
-        environment,
-        mended,
-        source: info,
-    })
+    Ok(Loaded { environment, mended, source: info })
 }
 
 fn read_file(path: &str) -> Result<(Environment, SourceInfo)> {
@@ -179,10 +169,7 @@ fn read_file(path: &str) -> Result<(Environment, SourceInfo)> {
     File::open(path)
         .and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes))
         .context("cannot be read")?;
-    ensure!(
-        bytes.len() as u64 <= MAX_FILE_BYTES,
-        "is larger than 4 GiB: scale the map down"
-    );
+    ensure!(bytes.len() as u64 <= MAX_FILE_BYTES, "is larger than 4 GiB: scale the map down");
     if bytes.starts_with(&read_exr::MAGIC) {
         read_exr::read(&bytes)
     } else if bytes.starts_with(read_hdr::MAGIC) {

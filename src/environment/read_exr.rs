@@ -65,18 +65,13 @@ fn read_unguarded(bytes: &[u8]) -> Result<(Environment, SourceInfo)> {
     let batch = (BATCH_BYTES / block_bytes(&header).max(1)).clamp(1, 256);
     let mut seen = HashSet::new();
     loop {
-        let compressed = chunks
-            .by_ref()
-            .take(batch)
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(damaged)?;
+        let compressed =
+            chunks.by_ref().take(batch).collect::<Result<Vec<_>, _>>().map_err(damaged)?;
         if compressed.is_empty() {
             break;
         }
-        let decoded: Vec<_> = compressed
-            .into_par_iter()
-            .map(|chunk| quietly(|| decompress(chunk, &meta)))
-            .collect();
+        let decoded: Vec<_> =
+            compressed.into_par_iter().map(|chunk| quietly(|| decompress(chunk, &meta))).collect();
         for block in decoded {
             let block = block
                 .map_err(|_| {
@@ -116,12 +111,7 @@ struct ColourLayer {
 fn choose_layer(headers: &[Header]) -> Result<ColourLayer> {
     let mut best: Option<((u8, bool), ColourLayer)> = None;
     for (part, header) in headers.iter().enumerate().filter(|(_, h)| !h.deep) {
-        let names: Vec<String> = header
-            .channels
-            .list
-            .iter()
-            .map(|c| c.name.to_string())
-            .collect();
+        let names: Vec<String> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
         let split = |name: &'_ str| match name.rsplit_once('.') {
             Some((prefix, channel)) => (prefix.to_owned(), channel.to_ascii_uppercase()),
             None => (String::new(), name.to_ascii_uppercase()),
@@ -135,11 +125,7 @@ fn choose_layer(headers: &[Header]) -> Result<ColourLayer> {
                 (Some(r), None, None, None) => (2, [r; 3]),
                 _ => continue,
             };
-            let part_name = header
-                .own_attributes
-                .layer_name
-                .as_ref()
-                .map(|name| name.to_string());
+            let part_name = header.own_attributes.layer_name.as_ref().map(|name| name.to_string());
             let name = [part_name.as_deref().unwrap_or(""), prefix]
                 .into_iter()
                 .filter(|name| !name.is_empty())
@@ -170,16 +156,11 @@ fn choose_layer(headers: &[Header]) -> Result<ColourLayer> {
 /// Refuses a header that claims more than we take or than the file can hold, before anything is
 /// allocated.
 fn check_size(file_bytes: usize, headers: &[Header], header: &Header) -> Result<()> {
-    for size in [
-        header.layer_size,
-        header.shared_attributes.display_window.size,
-    ] {
+    for size in [header.layer_size, header.shared_attributes.display_window.size] {
         check_pixels(size.0, size.1)?;
     }
     // Each block of pixels takes 8 bytes in the offset table and 8 before its data.
-    let blocks = headers
-        .iter()
-        .fold(0usize, |sum, h| sum.saturating_add(h.chunk_count));
+    let blocks = headers.iter().fold(0usize, |sum, h| sum.saturating_add(h.chunk_count));
     ensure!(
         blocks.saturating_mul(16) <= file_bytes,
         "claims {} × {} pixels in {blocks} blocks, \
@@ -198,9 +179,7 @@ fn check_size(file_bytes: usize, headers: &[Header], header: &Header) -> Result<
 
 fn block_bytes(header: &Header) -> usize {
     let Vec2(width, height) = header.max_block_pixel_size();
-    width
-        .saturating_mul(height)
-        .saturating_mul(header.channels.bytes_per_pixel)
+    width.saturating_mul(height).saturating_mul(header.channels.bytes_per_pixel)
 }
 
 /// One block of pixels. The decoder allocates what a DWA block's own header claims, and a failed
@@ -217,10 +196,7 @@ fn decompress(chunk: Chunk, meta: &MetaData) -> exr::error::Result<UncompressedB
             compressed_pixels_le: bytes,
             ..
         })
-        | CompressedBlock::Tile(CompressedTileBlock {
-            compressed_pixels_le: bytes,
-            ..
-        })) = block
+        | CompressedBlock::Tile(CompressedTileBlock { compressed_pixels_le: bytes, .. })) = block
         else {
             return Err(Error::NotSupported("deep data".into()));
         };
@@ -238,9 +214,7 @@ fn decompress(chunk: Chunk, meta: &MetaData) -> exr::error::Result<UncompressedB
             .map(|counter| u64::from_le_bytes(counter.try_into().expect("chunks of 8")));
         // A block as long as its pixels is stored plainly, without counters.
         if bytes.len() != raw && claims.into_iter().any(|claim| claim > largest as u64) {
-            return Err(Error::Invalid(
-                "a DWA block claims more than it can hold".into(),
-            ));
+            return Err(Error::Invalid("a DWA block claims more than it can hold".into()));
         }
     }
     UncompressedBlock::decompress_chunk(chunk, meta, false)
@@ -262,18 +236,10 @@ impl Canvas {
             let ((data_start, data_end), (start, end)) = (axis(data), axis(display));
             data_start < end && start < data_end
         };
-        let x = |b: IntegerBounds| {
-            (
-                i64::from(b.position.0),
-                i64::from(b.position.0) + b.size.0 as i64,
-            )
-        };
-        let y = |b: IntegerBounds| {
-            (
-                i64::from(b.position.1),
-                i64::from(b.position.1) + b.size.1 as i64,
-            )
-        };
+        let x =
+            |b: IntegerBounds| (i64::from(b.position.0), i64::from(b.position.0) + b.size.0 as i64);
+        let y =
+            |b: IntegerBounds| (i64::from(b.position.1), i64::from(b.position.1) + b.size.1 as i64);
         let window = if meet(x) && meet(y) { display } else { data };
         Self {
             picture: Environment {
@@ -354,9 +320,7 @@ fn describe(header: &Header, layer: &ColourLayer) -> SourceInfo {
     let unread = header.channels.list.len() - rgb.len();
     let mut notes = Vec::new();
     if unread > 0 {
-        notes.push(format!(
-            "left unread beside these: {unread} of its channels"
-        ));
+        notes.push(format!("left unread beside these: {unread} of its channels"));
     }
     if header.shared_attributes.chromaticities.is_some_and(|c| {
         // Loose enough for Rec. 709 adapted to D50, as some tools write it; Adobe RGB and P3 are
@@ -373,10 +337,7 @@ fn describe(header: &Header, layer: &ColourLayer) -> SourceInfo {
     let display = header.shared_attributes.display_window;
     if data != display {
         let window = |b: IntegerBounds| {
-            format!(
-                "{} × {} at ({}, {})",
-                b.size.0, b.size.1, b.position.0, b.position.1
-            )
+            format!("{} × {} at ({}, {})", b.size.0, b.size.1, b.position.0, b.position.1)
         };
         notes.push(format!(
             "data window {}, display window {}: \

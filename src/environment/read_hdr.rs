@@ -31,18 +31,13 @@ pub fn read(bytes: &[u8]) -> Result<(Environment, SourceInfo)> {
     let (width, height) = (metadata.width as usize, metadata.height as usize);
     check_pixels(width, height)?;
     let mut pixels = vec![[0f32; 3]; width * height];
-    decoder
-        .read_image(bytemuck::cast_slice_mut(&mut pixels))
-        .map_err(damaged)?;
+    decoder.read_image(bytemuck::cast_slice_mut(&mut pixels)).map_err(damaged)?;
 
     let mut notes = Vec::new();
     if let Some(exposure) = metadata.exposure.filter(|&e| e != 1.0) {
         notes.push(format!("its EXPOSURE of {exposure} is not undone"));
     }
-    if metadata
-        .color_correction
-        .is_some_and(|c| c != (1.0, 1.0, 1.0))
-    {
+    if metadata.color_correction.is_some_and(|c| c != (1.0, 1.0, 1.0)) {
         notes.push("its COLORCORR is not undone".to_owned());
     }
     let info = SourceInfo {
@@ -52,12 +47,5 @@ pub fn read(bytes: &[u8]) -> Result<(Environment, SourceInfo)> {
         compression: "RLE",
         notes,
     };
-    Ok((
-        Environment {
-            width,
-            height,
-            pixels,
-        },
-        info,
-    ))
+    Ok((Environment { width, height, pixels }, info))
 }

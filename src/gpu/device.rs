@@ -76,7 +76,8 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
         staging.slice(..).map_async(wgpu::MapMode::Read, |_| {});
         self.wait()?;
-        let view = staging.slice(..).get_mapped_range().context("a buffer could not be read back")?;
+        let view =
+            staging.slice(..).get_mapped_range().context("a buffer could not be read back")?;
         Ok(bytemuck::cast_slice(&view).to_vec())
     }
 }

@@ -99,7 +99,7 @@ struct ShadingUniform {
     parts: u32,
     first_light: u32,
     lights: u32,
-    points: u32,
+    slots: u32,
     pad: u32,
 }
 
@@ -111,6 +111,9 @@ pub struct FibreData {
     /// Made anew for every fibre: `xu::fibre_table`.
     pub fibre_table: Vec<[u32; 4]>,
 }
+
+/// Slot of a point whose reach is not known (shaders/shade.wgsl).
+const NO_SLOT: u32 = u32::MAX;
 
 /// Lights that share one buffer of reach.
 struct LightGroup {
@@ -135,6 +138,9 @@ pub struct Renderer {
     head_radiance: wgpu::Buffer,
     lights: wgpu::Buffer,
     groups: Vec<LightGroup>,
+    /// Place of each point's reach, or [`NO_SLOT`].
+    slots: wgpu::Buffer,
+    slot_count: u32,
     scattering: wgpu::BindGroup,
     environment: wgpu::TextureView,
     environment_rotation_rad: f32,
@@ -229,6 +235,8 @@ impl Renderer {
             head_radiance,
             lights: storage(device, "lights", &[]),
             groups: Vec::new(),
+            slots: storage(device, "slots", &[]),
+            slot_count: 0,
             scattering: scattering_group(device, &shade_pipeline, fibre),
             environment: environment_texture(&gpu, 1, 1, &[[0.0; 4]]),
             environment_rotation_rad: 0.0,
@@ -245,8 +253,30 @@ impl Renderer {
         })
     }
 
-    /// Sets the lights (world frame, exposure included) and their packed reach, light by light.
-    pub fn set_lights(&mut self, lights: &[SrbfLight], reach: &[Vec<u32>]) {
+    /// The strand points that frames from `cameras` need, each once.
+    pub fn visible_points(
+        &mut self,
+        cameras: &[Camera],
+        size: [u32; 2],
+        samples: u32,
+    ) -> Result<Vec<u32>> {
+        let (work, sampling) = self.begin(size, samples)?;
+        let mark = self.mark_groups(&work);
+        let mut timer = PassTimer::new(&self.gpu);
+        for camera in cameras {
+            for pass in 0..sampling.passes {
+                let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+                let view = self.view(camera, size, Background::Transparent, sampling, pass);
+                self.find(&mut encoder, &mut timer, &work, &mark, &view);
+                self.gpu.queue.submit([encoder.finish()]);
+            }
+        }
+        work.listed(&self.gpu)
+    }
+
+    /// Sets the lights (world frame, exposure included) and their packed reach at `points`:
+    /// `reach[j][k]` is light j at point `points[k]`. Other points stay dark.
+    pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], reach: &[Vec<u32>]) {
         let entries: Vec<LightEntry> = lights
             .iter()
             .map(|light| LightEntry {
@@ -258,27 +288,21 @@ impl Renderer {
             .collect();
         let device = &self.gpu.device;
         self.lights = storage(device, "lights", bytemuck::cast_slice(&entries));
-        let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
-        let per_group = (limit / (4 * u64::from(self.points.max(1)))).max(1) as usize;
+        let mut slots = vec![NO_SLOT; self.points as usize];
+        for (slot, &point) in points.iter().enumerate() {
+            slots[point as usize] = slot as u32;
+        }
+        self.slots = storage(device, "slots", bytemuck::cast_slice(&slots));
+        self.slot_count = points.len() as u32;
+        let limit = device.limits().max_storage_buffer_binding_size;
+        let per_group = (limit / (4 * points.len().max(1) as u64)).max(1) as usize;
         self.groups = reach
             .chunks(per_group)
             .enumerate()
-            .map(|(group, chunk)| {
-                let buffer = device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some("reach"),
-                    size: 4 * u64::from(self.points) * chunk.len() as u64,
-                    usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                    mapped_at_creation: false,
-                });
-                for (j, column) in chunk.iter().enumerate() {
-                    let offset = 4 * u64::from(self.points) * j as u64;
-                    self.gpu.queue.write_buffer(&buffer, offset, bytemuck::cast_slice(column));
-                }
-                LightGroup {
-                    first: (group * per_group) as u32,
-                    count: chunk.len() as u32,
-                    reach: buffer,
-                }
+            .map(|(group, chunk)| LightGroup {
+                first: (group * per_group) as u32,
+                count: chunk.len() as u32,
+                reach: storage(device, "reach", bytemuck::cast_slice(&chunk.concat())),
             })
             .collect();
     }
@@ -291,7 +315,8 @@ impl Renderer {
     /// Sets the radiance of the head's vertices.
     pub fn set_head_radiance(&mut self, radiance: &[Vec3]) {
         let padded: Vec<Vec4> = radiance.iter().map(|r| r.extend(1.0)).collect();
-        self.head_radiance = storage(&self.gpu.device, "head radiance", bytemuck::cast_slice(&padded));
+        self.head_radiance =
+            storage(&self.gpu.device, "head radiance", bytemuck::cast_slice(&padded));
     }
 
     /// Sets the map behind the hair: turned by `rotation_rad` about +y, multiplied by `scale`.
@@ -327,43 +352,17 @@ impl Renderer {
         background: Background,
         parts: Parts,
     ) -> Result<Frame> {
-        let limits = self.gpu.device.limits();
-        let most = limits.max_storage_buffer_binding_size / 16;
-        let edge = limits.max_texture_dimension_2d;
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        ensure!(
-            pixels <= most && size.iter().all(|&s| s <= edge),
-            "a frame of {}x{} is more than this adapter holds ({edge} a side, {most} pixels): choose a smaller size",
-            size[0],
-            size[1]
-        );
-        let sampling = Sampling::new(samples, pixels, size, edge);
-        let work = Work::new(&self.gpu.device, self.points, size, sampling.grid);
-        let mark = self.bind_at(&self.mark_pipeline, &[texture(0, &work.visibility), buffer(1, &work.marks), buffer(2, &work.needed)]);
-        let plan = self.bind_at(&self.plan_pipeline, &[buffer(2, &work.needed)]);
+        let (work, sampling) = self.begin(size, samples)?;
+        let mark = self.mark_groups(&work);
         let end = self.bind_at(&self.end_pipeline, &[buffer(2, &work.needed)]);
         let shade = self.shading_groups(camera, parts, &work);
-        let tiles = [size[0].div_ceil(8), size[1].div_ceil(8)];
-        let pieces = self.pieces(camera, size);
-        if self.indices.pieces != pieces {
-            self.indices = RibbonIndices::new(&self.gpu.device, self.segment_count, pieces);
-        }
+        let tiles = size.map(|s| s.div_ceil(8));
         let mut timer = PassTimer::new(&self.gpu);
         for pass in 0..sampling.passes {
-            let view = self.view(camera, size, pieces, background, sampling, pass);
-            let view = uniform_buffer(&self.gpu.device, "view", bytemuck::bytes_of(&view));
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            self.raster(&mut encoder, timer.render("raster"), &work, &view, pieces);
-            {
-                let mut compute = begin(&mut encoder, "mark", timer.compute("mark"));
-                compute.set_pipeline(&self.mark_pipeline);
-                compute.set_bind_group(0, &mark, &[]);
-                let [x, y] = tiles.map(|t| sampling.grid * t);
-                compute.dispatch_workgroups(x, y, 1);
-                compute.set_pipeline(&self.plan_pipeline);
-                compute.set_bind_group(0, &plan, &[]);
-                compute.dispatch_workgroups(1, 1, 1);
-            }
+            let view = self.view(camera, size, background, sampling, pass);
+            self.find(&mut encoder, &mut timer, &work, &mark, &view);
+            let view = view.buffer;
             {
                 let mut compute = begin(&mut encoder, "shade", timer.compute("shade"));
                 compute.set_pipeline(&self.shade_pipeline);
@@ -408,13 +407,61 @@ impl Renderer {
         }
         let pixels = self.gpu.read(&work.sum)?;
         let hair_coverage = self.gpu.read(&work.hair_sum)?;
-        let needed: Vec<u32> = self.gpu.read(&work.needed)?;
-        let list = &needed[NEEDED_LIST as usize / 4..];
-        let shaded = list[..needed[0] as usize].to_vec();
+        let shaded = work.listed(&self.gpu)?;
         Ok(Frame { size, pixels, hair_coverage, shaded, passes: timer.read(&self.gpu)? })
     }
 
-    fn bind_at(&self, pipeline: &wgpu::ComputePipeline, entries: &[wgpu::BindGroupEntry]) -> wgpu::BindGroup {
+    /// Checks the size against the adapter and makes the buffers of a frame.
+    fn begin(&mut self, size: [u32; 2], samples: u32) -> Result<(Work, Sampling)> {
+        let limits = self.gpu.device.limits();
+        let most = limits.max_storage_buffer_binding_size / 16;
+        let edge = limits.max_texture_dimension_2d;
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        ensure!(
+            pixels <= most && size.iter().all(|&s| s <= edge),
+            "a frame of {}x{} is more than this adapter holds ({edge} a side, {most} pixels): choose a smaller size",
+            size[0],
+            size[1]
+        );
+        let sampling = Sampling::new(samples, pixels, size, edge);
+        Ok((Work::new(&self.gpu.device, self.points, size, sampling.grid), sampling))
+    }
+
+    /// Rasterises a pass and lists the points that it needs.
+    fn find(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut PassTimer,
+        work: &Work,
+        [mark, plan]: &[wgpu::BindGroup; 2],
+        view: &View,
+    ) {
+        if self.indices.pieces != view.pieces {
+            self.indices = RibbonIndices::new(&self.gpu.device, self.segment_count, view.pieces);
+        }
+        self.raster(encoder, timer.render("raster"), work, &view.buffer, view.pieces);
+        let mut compute = begin(encoder, "mark", timer.compute("mark"));
+        compute.set_pipeline(&self.mark_pipeline);
+        compute.set_bind_group(0, mark, &[]);
+        compute.dispatch_workgroups(work.texels[0].div_ceil(8), work.texels[1].div_ceil(8), 1);
+        compute.set_pipeline(&self.plan_pipeline);
+        compute.set_bind_group(0, plan, &[]);
+        compute.dispatch_workgroups(1, 1, 1);
+    }
+
+    fn mark_groups(&self, work: &Work) -> [wgpu::BindGroup; 2] {
+        let mark = [texture(0, &work.visibility), buffer(1, &work.marks), buffer(2, &work.needed)];
+        [
+            self.bind_at(&self.mark_pipeline, &mark),
+            self.bind_at(&self.plan_pipeline, &[buffer(2, &work.needed)]),
+        ]
+    }
+
+    fn bind_at(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        entries: &[wgpu::BindGroupEntry],
+    ) -> wgpu::BindGroup {
         self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &pipeline.get_bind_group_layout(0),
@@ -425,7 +472,8 @@ impl Renderer {
     fn shading_groups(&self, camera: &Camera, parts: Parts, work: &Work) -> Vec<wgpu::BindGroup> {
         let device = &self.gpu.device;
         let layout = self.shade_pipeline.get_bind_group_layout(1);
-        let parts = u32::from(parts.single) | u32::from(parts.global) << 1 | u32::from(parts.local) << 2;
+        let parts =
+            u32::from(parts.single) | u32::from(parts.global) << 1 | u32::from(parts.local) << 2;
         self.groups
             .iter()
             .map(|group| {
@@ -434,12 +482,20 @@ impl Renderer {
                     parts,
                     first_light: group.first,
                     lights: group.count,
-                    points: self.points,
+                    slots: self.slot_count,
                     pad: 0,
                 };
                 let uniform = uniform_buffer(device, "shading", bytemuck::bytes_of(&uniform));
-                let points = &self.strand_points;
-                bind(device, &layout, &[&uniform, points, &work.needed, &self.lights, &group.reach, &work.radiance])
+                let buffers = [
+                    &uniform,
+                    &self.strand_points,
+                    &work.needed,
+                    &self.lights,
+                    &group.reach,
+                    &work.radiance,
+                    &self.slots,
+                ];
+                bind(device, &layout, &buffers)
             })
             .collect()
     }
@@ -479,7 +535,11 @@ impl Renderer {
             let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("head"),
                 layout: &self.head_pipeline.get_bind_group_layout(0),
-                entries: &[buffer(0, view), buffer(3, &self.head_positions), buffer(4, &self.head_corners)],
+                entries: &[
+                    buffer(0, view),
+                    buffer(3, &self.head_positions),
+                    buffer(4, &self.head_corners),
+                ],
             });
             raster.set_pipeline(&self.head_pipeline);
             raster.set_bind_group(0, &group, &[]);
@@ -516,11 +576,11 @@ impl Renderer {
         &self,
         camera: &Camera,
         size: [u32; 2],
-        pieces: u32,
         background: Background,
         sampling: Sampling,
         pass: u32,
-    ) -> ViewUniform {
+    ) -> View {
+        let pieces = self.pieces(camera, size);
         let jitter = jitter(pass, sampling);
         let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
         // Looking straight up or down, any horizontal direction may be the image's up.
@@ -541,7 +601,7 @@ impl Renderer {
             Background::Color(rgb) => (1, Vec3::from(rgb)),
             Background::Transparent => (2, Vec3::ZERO),
         };
-        ViewUniform {
+        let uniform = ViewUniform {
             clip_from_pos: Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(),
             eye: camera.eye,
             pieces,
@@ -556,8 +616,19 @@ impl Renderer {
             size,
             grid: sampling.grid,
             pad: 0,
+        };
+        View {
+            buffer: uniform_buffer(&self.gpu.device, "view", bytemuck::bytes_of(&uniform)),
+            pieces,
         }
     }
+}
+
+/// The camera of one pass on the GPU.
+struct View {
+    buffer: wgpu::Buffer,
+    /// Straight pieces of a segment.
+    pieces: u32,
 }
 
 /// The triangles of all ribbons, for one number of pieces a segment.
@@ -588,6 +659,8 @@ const NEEDED_LIST: u64 = 28;
 
 /// The buffers of one frame, all born zero.
 struct Work {
+    /// Size of the visibility buffer.
+    texels: [u32; 2],
     visibility: wgpu::TextureView,
     depth: wgpu::TextureView,
     marks: wgpu::Buffer,
@@ -599,10 +672,15 @@ struct Work {
 
 impl Work {
     fn new(device: &wgpu::Device, points: u32, size: [u32; 2], grid: u32) -> Work {
+        let texels = size.map(|s| grid * s);
         let target = |label, format, usage| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
-                size: wgpu::Extent3d { width: grid * size[0], height: grid * size[1], depth_or_array_layers: 1 },
+                size: wgpu::Extent3d {
+                    width: texels[0],
+                    height: texels[1],
+                    depth_or_array_layers: 1,
+                },
                 mip_level_count: 1,
                 sample_count: SAMPLES_PER_TEXEL,
                 dimension: wgpu::TextureDimension::D2,
@@ -624,6 +702,7 @@ impl Work {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let (nothing, read) = (wgpu::BufferUsages::empty(), wgpu::BufferUsages::COPY_SRC);
         Work {
+            texels,
             visibility: target("visibility", VISIBILITY, wgpu::TextureUsages::TEXTURE_BINDING),
             depth: target("depth", DEPTH, wgpu::TextureUsages::empty()),
             marks: zeros("marks", 4 * points, nothing),
@@ -632,6 +711,13 @@ impl Work {
             sum: zeros("sum", 16 * pixels, read),
             hair_sum: zeros("hair sum", 4 * pixels, read),
         }
+    }
+
+    /// The points listed so far.
+    fn listed(&self, gpu: &Gpu) -> Result<Vec<u32>> {
+        let needed: Vec<u32> = gpu.read(&self.needed)?;
+        let list = &needed[NEEDED_LIST as usize / 4..];
+        Ok(list[..needed[0] as usize].to_vec())
     }
 }
 
@@ -675,10 +761,15 @@ fn begin<'a>(
     label: &'static str,
     timestamp_writes: Option<wgpu::ComputePassTimestampWrites>,
 ) -> wgpu::ComputePass<'a> {
-    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
+    encoder
+        .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
 }
 
-fn scattering_group(device: &wgpu::Device, shade: &wgpu::ComputePipeline, fibre: &FibreData) -> wgpu::BindGroup {
+fn scattering_group(
+    device: &wgpu::Device,
+    shade: &wgpu::ComputePipeline,
+    fibre: &FibreData,
+) -> wgpu::BindGroup {
     let uniform = uniform_buffer(device, "fibre", bytemuck::bytes_of(&fibre.uniform));
     let circle = storage(device, "circle table", bytemuck::cast_slice(&fibre.circle_table));
     let table = storage(device, "fibre table", bytemuck::cast_slice(&fibre.fibre_table));
@@ -692,7 +783,11 @@ fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::ShaderModul
     })
 }
 
-fn compute_pipeline(device: &wgpu::Device, module: &wgpu::ShaderModule, entry: &str) -> wgpu::ComputePipeline {
+fn compute_pipeline(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    entry: &str,
+) -> wgpu::ComputePipeline {
     device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some(entry),
         layout: None,
@@ -764,12 +859,21 @@ fn texture(binding: u32, view: &wgpu::TextureView) -> wgpu::BindGroupEntry<'_> {
 }
 
 /// Binds buffers to bindings 0, 1, 2, …
-fn bind(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
+fn bind(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    buffers: &[&wgpu::Buffer],
+) -> wgpu::BindGroup {
     let entries: Vec<_> = buffers.iter().enumerate().map(|(i, b)| buffer(i as u32, b)).collect();
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 
-fn environment_texture(gpu: &Gpu, width: u32, height: u32, texels: &[[f32; 4]]) -> wgpu::TextureView {
+fn environment_texture(
+    gpu: &Gpu,
+    width: u32,
+    height: u32,
+    texels: &[[f32; 4]],
+) -> wgpu::TextureView {
     let texture = gpu.device.create_texture_with_data(
         &gpu.queue,
         &wgpu::TextureDescriptor {

@@ -43,11 +43,7 @@ pub fn run(
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty,
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
         count: None,
     };
     let layout = |entries: &[_]| {
@@ -66,13 +62,11 @@ pub fn run(
     ];
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some("probe"),
-        layout: Some(
-            &device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some("probe"),
-                bind_group_layouts: &[Some(&layouts[0]), Some(&layouts[1])],
-                ..Default::default()
-            }),
-        ),
+        layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("probe"),
+            bind_group_layouts: &[Some(&layouts[0]), Some(&layouts[1])],
+            ..Default::default()
+        })),
         module: &module,
         entry_point: Some("probe"),
         compilation_options: Default::default(),
@@ -87,18 +81,9 @@ pub fn run(
         })
     };
     let buffers = [
-        buffer(
-            bytemuck::bytes_of(&tables.fibre),
-            wgpu::BufferUsages::UNIFORM,
-        ),
-        buffer(
-            bytemuck::cast_slice(tables.circle_table),
-            wgpu::BufferUsages::STORAGE,
-        ),
-        buffer(
-            bytemuck::cast_slice(tables.fibre_table),
-            wgpu::BufferUsages::STORAGE,
-        ),
+        buffer(bytemuck::bytes_of(&tables.fibre), wgpu::BufferUsages::UNIFORM),
+        buffer(bytemuck::cast_slice(tables.circle_table), wgpu::BufferUsages::STORAGE),
+        buffer(bytemuck::cast_slice(tables.fibre_table), wgpu::BufferUsages::STORAGE),
         buffer(bytemuck::cast_slice(inputs), wgpu::BufferUsages::STORAGE),
     ];
     let output = buffer(
@@ -133,9 +118,6 @@ pub fn run(
     }
     gpu.queue.submit([encoder.finish()]);
     let outputs: Vec<[f32; OUTPUTS]> = gpu.read(&output)?;
-    ensure!(
-        outputs.iter().flatten().all(|&y| y != UNWRITTEN),
-        "the probe left outputs unwritten"
-    );
+    ensure!(outputs.iter().flatten().all(|&y| y != UNWRITTEN), "the probe left outputs unwritten");
     Ok(outputs)
 }

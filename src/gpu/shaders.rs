@@ -39,11 +39,7 @@ pub fn mark() -> String {
 
 /// Entry point `shade`.
 pub fn shade() -> String {
-    [
-        &scattering_library(),
-        include_str!("../../shaders/shade.wgsl"),
-    ]
-    .join("\n")
+    [&scattering_library(), include_str!("../../shaders/shade.wgsl")].join("\n")
 }
 
 /// Entry points `resolve`, `backdrop`.

@@ -73,7 +73,8 @@ impl PassTimer {
         let ticks: Vec<u64> = gpu.read(&resolved)?;
         let ms_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
         for (name, pair) in self.names.iter().zip(ticks.chunks_exact(2)) {
-            *passes.entry(*name).or_insert(0.0) += pair[1].saturating_sub(pair[0]) as f64 * ms_per_tick;
+            *passes.entry(*name).or_insert(0.0) +=
+                pair[1].saturating_sub(pair[0]) as f64 * ms_per_tick;
         }
         Ok(passes)
     }

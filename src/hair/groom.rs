@@ -66,7 +66,11 @@ pub fn grow(style: &str, options: &GroomOptions) -> Result<Hair> {
     let roots = scatter_roots(options.strands, options.seed, ROOTS);
     let n = groom.style.points;
     let mut points = vec![Vec3::ZERO; options.strands * n];
-    points.par_chunks_mut(n).zip(&roots).enumerate().for_each(|(i, (strand, &root))| groom.strand(i, root, strand));
+    points
+        .par_chunks_mut(n)
+        .zip(&roots)
+        .enumerate()
+        .for_each(|(i, (strand, &root))| groom.strand(i, root, strand));
     let offsets = (0..=options.strands).map(|s| (s * n) as u32).collect();
     Ok(Hair { points, offsets, ..Hair::default() })
 }
@@ -90,6 +94,8 @@ struct Style {
     fall: Fall,
     /// x of the parting.
     part_x: f32,
+    /// How far hair at the front is combed back; negative: forward, framing the face.
+    sweep_back: f32,
     /// How far the root stands up from the skin: 0 lies in it, 1 is normal to it.
     lift: f32,
     /// Height over the skin that a strand reaches as it travels over the head.
@@ -133,6 +139,7 @@ impl Style {
             length_variation: 0.16,
             fall: Fall::Free,
             part_x: 0.0,
+            sweep_back: 1.0,
             lift: 0.30,
             volume: 0.012,
             stiffness: 0.022,
@@ -154,6 +161,7 @@ impl Style {
                 length: 0.35,
                 length_variation: 0.2,
                 part_x: 0.022,
+                sweep_back: 0.5,
                 lift: 0.42,
                 volume: 0.018,
                 wave_radius: 0.0115,
@@ -173,6 +181,7 @@ impl Style {
                 length: 0.215,
                 length_variation: 0.3,
                 part_x: 0.012,
+                sweep_back: -0.3,
                 lift: 0.62,
                 volume: 0.030,
                 stiffness: 0.030,
@@ -193,6 +202,7 @@ impl Style {
                 length: 0.36,
                 length_variation: 0.03,
                 fall: Fall::Cut { height: -0.105 },
+                sweep_back: -1.8,
                 lift: 0.34,
                 volume: 0.014,
                 wave_radius: 0.0015,
@@ -301,7 +311,8 @@ impl Groom {
         let lock_grid = RootGrid::new(groom.locks.iter().map(|c| c.root));
         let mut wisps = groom.clumps(style.wisps, WISP);
         for wisp in &mut wisps {
-            let [lock, ..] = nearest_alike(&lock_grid, wisp.root, wisp.comb, |i| &groom.locks[i].comb);
+            let [lock, ..] =
+                nearest_alike(&lock_grid, wisp.root, wisp.comb, |i| &groom.locks[i].comb);
             let owner = &groom.locks[lock.0];
             wisp.lock = lock.0;
             wisp.phase = owner.phase + style.wave_spread * (wisp.phase - 0.5);
@@ -314,24 +325,27 @@ impl Groom {
     }
 
     fn clumps(&self, count: usize, purpose: u64) -> Vec<Clump> {
-        let grown = scatter_roots(count, self.seed, purpose).into_par_iter().enumerate().map(|(i, root)| {
-            let mut rng = Rng::new(self.seed, purpose, i);
-            let mut points = vec![Vec3::ZERO; self.style.points];
-            let comb = comb(&self.style, root);
-            self.blend_guides(root, comb, 1.0, &mut points);
-            // Neighbouring locks wave alike, or waves blur into fuzz.
-            let drift = 0.5 * (root.x * 31.0).sin() + 0.5 * (root.z * 27.0 + root.y * 19.0).sin();
-            Clump {
-                root,
-                comb,
-                points,
-                phase: drift * 0.6 + self.style.wave_spread * rng.unit(),
-                pitch: 1.0 + 0.16 * rng.signed(),
-                radius: 1.0 + 0.3 * rng.signed(),
-                hand: rng.signed().signum(),
-                lock: i,
-            }
-        });
+        let grown = scatter_roots(count, self.seed, purpose).into_par_iter().enumerate().map(
+            |(i, root)| {
+                let mut rng = Rng::new(self.seed, purpose, i);
+                let mut points = vec![Vec3::ZERO; self.style.points];
+                let comb = comb(&self.style, root);
+                self.blend_guides(root, comb, 1.0, &mut points);
+                // Neighbouring locks wave alike, or waves blur into fuzz.
+                let drift =
+                    0.5 * (root.x * 31.0).sin() + 0.5 * (root.z * 27.0 + root.y * 19.0).sin();
+                Clump {
+                    root,
+                    comb,
+                    points,
+                    phase: drift * 0.6 + self.style.wave_spread * rng.unit(),
+                    pitch: 1.0 + 0.16 * rng.signed(),
+                    radius: 1.0 + 0.3 * rng.signed(),
+                    hand: rng.signed().signum(),
+                    lock: i,
+                }
+            },
+        );
         grown.collect()
     }
 
@@ -376,7 +390,8 @@ impl Groom {
         for (k, p) in out.iter_mut().enumerate().skip(1) {
             let t = k as f32 / last;
             let at = extent_at(t, extent, tied) * last;
-            let pull = if tied { smoothstep((t - TIE_AT) / (1.0 - TIE_AT)) } else { smoothstep(t / 0.85) };
+            let pull =
+                if tied { smoothstep((t - TIE_AT) / (1.0 - TIE_AT)) } else { smoothstep(t / 0.85) };
             let to_wisp = sample(&wisp.points, at) + place - *p;
             let to_lock = sample(&lock.points, at) + wisp_place + place - *p;
             *p += (to_wisp * 0.8).lerp(to_lock * 0.9, style.gather * pull) * (clump * pull);
@@ -402,7 +417,8 @@ impl Groom {
             let up = side.cross(along);
             let grown = if tied { smoothstep((t - TIE_AT) / 0.4) } else { smoothstep(t / 0.35) };
             let (s, c) = (TAU * (phase + k as f32 * step / pitch)).sin_cos();
-            let wave = (side * c + up * (s * wisp.hand * (1.0 - style.wave_flatness))) * (radius * grown);
+            let wave =
+                (side * c + up * (s * wisp.hand * (1.0 - style.wave_flatness))) * (radius * grown);
             let loose = if tied { 0.25 + 0.75 * grown } else { t.sqrt() };
             let wander = noise.at(t) * (noise_size * loose);
             out[k] = base + wave + wander + up * (lift * t * loose);
@@ -420,7 +436,13 @@ impl Groom {
 /// Position in a guide, as a share of its length, of the share `t` of a strand that is `extent` as long. A tied
 /// strand must reach the tie at the same share whatever its length.
 fn extent_at(t: f32, extent: f32, tied: bool) -> f32 {
-    if tied && t > TIE_AT { TIE_AT + (t - TIE_AT) * extent } else if tied { t } else { t * extent }
+    if tied && t > TIE_AT {
+        TIE_AT + (t - TIE_AT) * extent
+    } else if tied {
+        t
+    } else {
+        t * extent
+    }
 }
 
 /// Moves apart consecutive points that coincide, which collision can bring about.
@@ -455,7 +477,9 @@ fn grow_falling(style: &Style, root: Vec3, comb: Vec3, rng: &mut Rng) -> Vec<Vec
     let ragged = 0.0035 * rng.signed();
     let cut = |p: Vec3| match style.fall {
         // The fringe ends at the brow, and frames the face beside the eyes.
-        Fall::Cut { .. } if fringe => 0.027 - 0.055 * smoothstep((p.x.abs() - 0.046) / 0.03) + ragged,
+        Fall::Cut { .. } if fringe => {
+            0.027 - 0.055 * smoothstep((p.x.abs() - 0.046) / 0.03) + ragged
+        }
         Fall::Cut { height } => height + ragged,
         _ => f32::NEG_INFINITY,
     };
@@ -467,7 +491,8 @@ fn grow_falling(style: &Style, root: Vec3, comb: Vec3, rng: &mut Rng) -> Vec<Vec
         let near = skin().distance(p);
         let normal = skin().normal(p);
         // Over the head hair follows the comb, tangentially; below it, gravity.
-        let top = if fringe { smoothstep((p.y - 0.055) / 0.05) } else { smoothstep((p.y - 0.01) / 0.07) };
+        let top =
+            if fringe { smoothstep((p.y - 0.055) / 0.05) } else { smoothstep((p.y - 0.01) / 0.07) };
         let on_top = top * (1.0 - smoothstep((near - 0.6 * volume - 0.006) / 0.03));
         let sweep = if fringe { comb } else { (comb + outward(p) * 0.25).normalize_or(comb) };
         let tangent = (sweep - normal * sweep.dot(normal)).normalize_or(sweep);
@@ -475,15 +500,19 @@ fn grow_falling(style: &Style, root: Vec3, comb: Vec3, rng: &mut Rng) -> Vec<Vec
         let inward = -vec3(p.x, 0.0, p.z + 0.03).normalize_or_zero();
         match style.fall {
             // Tips turn in towards the neck.
-            Fall::Cut { height } if !fringe => target += inward * (0.95 * smoothstep((height + 0.085 - p.y) / 0.08)),
+            Fall::Cut { height } if !fringe => {
+                target += inward * (0.95 * smoothstep((height + 0.085 - p.y) / 0.08))
+            }
             // Hair parts over the shoulder, to the chest or to the back, rather than lie on it.
             Fall::Free if p.y < -0.10 && near < 0.06 => {
                 let forward = if root.z > -0.005 { 1.0 } else { -1.0 };
-                target += vec3(-0.25 * p.x.signum(), 0.0, forward) * (1.2 * smoothstep((0.06 - near) / 0.06));
+                target += vec3(-0.25 * p.x.signum(), 0.0, forward)
+                    * (1.2 * smoothstep((0.06 - near) / 0.06));
             }
             _ => target += inward * (0.12 * smoothstep(-p.y / 0.05)),
         }
-        direction = direction.lerp(target.normalize_or(Vec3::NEG_Y), turn).normalize_or(Vec3::NEG_Y);
+        direction =
+            direction.lerp(target.normalize_or(Vec3::NEG_Y), turn).normalize_or(Vec3::NEG_Y);
         p += direction * STEP;
         travelled += STEP;
         if near < 0.03 {
@@ -538,7 +567,8 @@ fn grow_tied(style: &Style, root: Vec3, rng: &mut Rng) -> Vec<Vec3> {
         let side = Vec3::X;
         let over = side.cross(direction).normalize_or(up);
         // Narrow at the tie, full at a third, gathered at the tip.
-        let spread = TIE_RADIUS * (0.85 + 2.1 * smoothstep(t / 0.35) - 1.7 * smoothstep((t - 0.4) / 0.6));
+        let spread =
+            TIE_RADIUS * (0.85 + 2.1 * smoothstep(t / 0.35) - 1.7 * smoothstep((t - 0.4) / 0.6));
         let (s, c) = (angle + 0.5 * t).sin_cos();
         let place = (side * (s + wobble.x) + over * (c + wobble.y)) * (spread * share);
         points.push(keep_out(center + place, GAP, true));
@@ -558,11 +588,10 @@ fn comb(style: &Style, root: Vec3) -> Vec3 {
     } else if is_fringe(style, root) {
         vec3(root.x, 0.0, root.z + 0.04)
     } else {
-        // Aside from the parting; back where the parting ends at the crown and, but for a cut that frames the
-        // face, at the front.
+        // Aside from the parting, and back where the parting ends at the crown.
         let from_part = root.x - style.part_x;
         let behind_crown = 1.0 - smoothstep((root.z + 0.075) / 0.055);
-        let front = if style.fall == Fall::Free { 0.35 + 3.0 * root.z.max(0.0) } else { 0.1 - 1.1 * smoothstep(root.z / 0.035) };
+        let front = style.sweep_back * (0.35 + 3.0 * root.z.max(0.0));
         let back = front + 2.2 * behind_crown;
         vec3(from_part / (from_part.abs() + 0.002 + 0.02 * behind_crown), 0.0, -back)
     };
@@ -606,7 +635,8 @@ fn scatter_roots(count: usize, seed: u64, purpose: u64) -> Vec<Vec3> {
     let mut roots = Vec::with_capacity(count + BLOCK);
     let mut start = 0;
     while roots.len() < count {
-        let block = (start..start + BLOCK).into_par_iter().filter_map(|i| root_candidate(i, seed, purpose));
+        let block =
+            (start..start + BLOCK).into_par_iter().filter_map(|i| root_candidate(i, seed, purpose));
         roots.extend(block.collect::<Vec<_>>());
         start += BLOCK;
     }
@@ -697,7 +727,13 @@ fn skin() -> &'static Skin {
     SKIN.get_or_init(|| {
         let extent = (HEAD_BOUNDS[1] - HEAD_BOUNDS[0]) / SKIN_CELL;
         let size = extent.to_array().map(|e| e.ceil() as usize + 1);
-        let at = |i: usize| vec3((i % size[0]) as f32, (i / size[0] % size[1]) as f32, (i / (size[0] * size[1])) as f32);
+        let at = |i: usize| {
+            vec3(
+                (i % size[0]) as f32,
+                (i / size[0] % size[1]) as f32,
+                (i / (size[0] * size[1])) as f32,
+            )
+        };
         let distance = (0..size[0] * size[1] * size[2])
             .into_par_iter()
             .map(|i| head_distance(HEAD_BOUNDS[0] + at(i) * SKIN_CELL))
@@ -722,7 +758,11 @@ impl Skin {
         let (y0, y1) = (mix(x00, x10, f.y), mix(x01, x11, f.y));
         let slope_x = |y, z| d(1, y, z) - d(0, y, z);
         let gradient = vec3(
-            mix(mix(slope_x(0, 0), slope_x(1, 0), f.y), mix(slope_x(0, 1), slope_x(1, 1), f.y), f.z),
+            mix(
+                mix(slope_x(0, 0), slope_x(1, 0), f.y),
+                mix(slope_x(0, 1), slope_x(1, 1), f.y),
+                f.z,
+            ),
             mix(x10 - x00, x11 - x01, f.z),
             y1 - y0,
         );
@@ -758,7 +798,8 @@ impl RootGrid {
         let cube: Vec<usize> = roots.iter().map(|&p| Self::index(Self::cube(p))).collect();
         let mut sorted: Vec<u32> = (0..roots.len() as u32).collect();
         sorted.sort_by_key(|&i| cube[i as usize]);
-        let starts = (0..=cubes).map(|c| sorted.partition_point(|&i| cube[i as usize] < c)).collect();
+        let starts =
+            (0..=cubes).map(|c| sorted.partition_point(|&i| cube[i as usize] < c)).collect();
         Self { roots, starts, sorted }
     }
 

@@ -142,19 +142,13 @@ pub fn parse(bytes: &[u8]) -> Result<HairFile> {
         }
     }
     let hair = Hair {
-        points: float_rows(array(points, 12))
-            .map(Vec3::from_array)
-            .collect(),
+        points: float_rows(array(points, 12)).map(Vec3::from_array).collect(),
         offsets,
         thickness: (bits & THICKNESS != 0).then(|| floats(array(points, 4))),
         transparency: (bits & TRANSPARENCY != 0).then(|| floats(array(points, 4))),
         color: (bits & COLOR != 0).then(|| float_rows(array(points, 12)).collect()),
     };
-    Ok(HairFile {
-        hair,
-        header,
-        trailing_bytes,
-    })
+    Ok(HairFile { hair, header, trailing_bytes })
 }
 
 fn floats(bytes: &[u8]) -> Vec<f32> {
@@ -181,9 +175,7 @@ impl HairFile {
             })
             .collect::<Result<Vec<u16>>>()?;
         let segments_array = header.segments_array
-            || segments
-                .iter()
-                .any(|&s| u32::from(s) != header.default_segments);
+            || segments.iter().any(|&s| u32::from(s) != header.default_segments);
         let bit = |there: bool, bit: u32| if there { bit } else { 0 };
         let bits = POINTS
             | bit(segments_array, SEGMENTS)
@@ -217,9 +209,8 @@ impl HairFile {
 
     /// Writes the file, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let bytes = self
-            .to_bytes()
-            .with_context(|| format!("{}: cannot be written", path.display()))?;
+        let bytes =
+            self.to_bytes().with_context(|| format!("{}: cannot be written", path.display()))?;
         write_whole(path, |file| Ok(file.write_all(&bytes)?))
     }
 }

@@ -23,11 +23,7 @@ pub struct LoadOptions {
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self {
-            up: Up::default(),
-            scale: 1.0,
-            groom: GroomOptions::default(),
-        }
+        Self { up: Up::default(), scale: 1.0, groom: GroomOptions::default() }
     }
 }
 
@@ -106,30 +102,21 @@ impl Read {
             arrays: arrays.iter().filter(|a| a.1).map(|a| a.0).collect(),
             header: None,
         };
-        Self {
-            hair,
-            file,
-            assumed: Vec::new(),
-        }
+        Self { hair, file, assumed: Vec::new() }
     }
 }
 
 fn read(bytes: &[u8]) -> Result<Read> {
     if bytes.starts_with(hair_format::MAGIC) {
-        let hair_format::HairFile {
-            hair,
-            header,
-            trailing_bytes,
-        } = hair_format::parse(bytes)?;
+        let hair_format::HairFile { hair, header, trailing_bytes } = hair_format::parse(bytes)?;
         let mut read = Read::new(hair, ".hair");
         if header.segments_array {
             read.file.arrays.insert(0, "segments");
         }
         read.file.header = Some(header);
         if trailing_bytes > 0 {
-            read.assumed.push(format!(
-                "the {trailing_bytes} bytes after the last array are left unread"
-            ));
+            read.assumed
+                .push(format!("the {trailing_bytes} bytes after the last array are left unread"));
         }
         Ok(read)
     } else if tfx_format::is_tfx(bytes) {
@@ -148,11 +135,7 @@ fn read(bytes: &[u8]) -> Result<Read> {
 }
 
 fn finish(read: Read, up: Up, scale: f32) -> Result<LoadedHair> {
-    let Read {
-        mut hair,
-        file,
-        mut assumed,
-    } = read;
+    let Read { mut hair, file, mut assumed } = read;
     for point in &mut hair.points {
         *point = up.to_world(*point) * scale;
     }
@@ -186,12 +169,7 @@ fn finish(read: Read, up: Up, scale: f32) -> Result<LoadedHair> {
         Some(_) => "the thickness array is taken as a profile, not as a size".to_owned(),
         None => "no thickness array: strands taper to 0.3 of their width at the tip".to_owned(),
     });
-    Ok(LoadedHair {
-        hair,
-        mended,
-        assumed,
-        file,
-    })
+    Ok(LoadedHair { hair, mended, assumed, file })
 }
 
 /// A doubt about the up axis, where the strands, which should fall, fall along another of the file's axes.
@@ -203,9 +181,7 @@ fn lying_down(hair: &Hair, up: Up) -> Option<String> {
     let fall_in_world = falls.sum::<Vec3>() / hair.strand_count() as f32;
     let fall_in_file = Vec3::AXES.map(|axis| up.to_world(axis).dot(fall_in_world));
     let rise = |up: Up| up.to_world(Vec3::from(fall_in_file)).y;
-    let likely = Up::ALL
-        .into_iter()
-        .min_by(|a, b| rise(*a).total_cmp(&rise(*b)))?;
+    let likely = Up::ALL.into_iter().min_by(|a, b| rise(*a).total_cmp(&rise(*b)))?;
     (rise(likely) < -0.5 && rise(up) > -0.2)
         .then(|| format!("the strands fall as if {likely} were up: --up {likely} may be meant"))
 }

@@ -39,40 +39,26 @@ pub fn mend(hair: &mut Hair) -> Mended {
     };
 
     let mut thickness = hair.thickness.take();
-    let bad = fill(hair, &mut thickness, &mut altered, |t| {
-        (t.is_finite() && t >= 0.0).then_some(t)
-    });
-    note(
-        bad,
-        "thicknesses NaN, infinite or negative: neighbour's taken",
-    );
+    let bad =
+        fill(hair, &mut thickness, &mut altered, |t| (t.is_finite() && t >= 0.0).then_some(t));
+    note(bad, "thicknesses NaN, infinite or negative: neighbour's taken");
     let mut color = hair.color.take();
     let bad = fill(hair, &mut color, &mut altered, |c| {
         let sound = c.iter().all(|x| x.is_finite());
         sound.then_some(c.map(|x| x.clamp(0.0, 1.0)))
     });
-    note(
-        bad,
-        "colours NaN, infinite or outside 0…1: neighbour's taken, or clamped",
-    );
+    note(bad, "colours NaN, infinite or outside 0…1: neighbour's taken, or clamped");
     let mut transparency = hair.transparency.take();
-    let bad = fill(hair, &mut transparency, &mut altered, |t| {
-        t.is_finite().then_some(t.clamp(0.0, 1.0))
-    });
-    note(
-        bad,
-        "transparencies NaN, infinite or outside 0…1: neighbour's taken, or clamped",
-    );
+    let bad =
+        fill(hair, &mut transparency, &mut altered, |t| t.is_finite().then_some(t.clamp(0.0, 1.0)));
+    note(bad, "transparencies NaN, infinite or outside 0…1: neighbour's taken, or clamped");
 
     let mut keep = vec![false; hair.points.len()];
     let mut offsets = vec![0];
     let mut kept = 0;
     let [mut unusable, mut repeated, mut dropped] = [0; 3];
     for (strand, altered) in hair.strands().zip(&mut altered) {
-        let usable: Vec<usize> = strand
-            .clone()
-            .filter(|&i| is_usable(hair.points[i]))
-            .collect();
+        let usable: Vec<usize> = strand.clone().filter(|&i| is_usable(hair.points[i])).collect();
         let points: Vec<Vec3> = usable.iter().map(|&i| hair.points[i]).collect();
         let shortest = SHORTEST_STEP * length(&points);
         let mut last: Option<Vec3> = None;
@@ -104,22 +90,14 @@ pub fn mend(hair: &mut Hair) -> Mended {
     if unusable + repeated + dropped > 0 {
         hair.offsets = offsets;
         retain(&mut hair.points, &keep);
-        thickness
-            .iter_mut()
-            .for_each(|values| retain(values, &keep));
+        thickness.iter_mut().for_each(|values| retain(values, &keep));
         color.iter_mut().for_each(|values| retain(values, &keep));
-        transparency
-            .iter_mut()
-            .for_each(|values| retain(values, &keep));
+        transparency.iter_mut().for_each(|values| retain(values, &keep));
     }
     hair.thickness = thickness;
     hair.color = color;
     hair.transparency = transparency;
-    Mended {
-        mended: altered.iter().filter(|&&a| a).count(),
-        dropped,
-        notes,
-    }
+    Mended { mended: altered.iter().filter(|&&a| a).count(), dropped, notes }
 }
 
 fn is_usable(point: Vec3) -> bool {

@@ -40,9 +40,7 @@ impl Hair {
 
     /// The range of each strand in `points` and in the other arrays.
     pub fn strands(&self) -> impl ExactSizeIterator<Item = Range<usize>> + Clone {
-        self.offsets
-            .windows(2)
-            .map(|ends| ends[0] as usize..ends[1] as usize)
+        self.offsets.windows(2).map(|ends| ends[0] as usize..ends[1] as usize)
     }
 
     /// The points of each strand.
@@ -120,11 +118,7 @@ fn quantile(values: impl Iterator<Item = f32>, q: f64) -> f32 {
     let at = (values.len() as f64 * q) as usize;
     match values.len() {
         0 => 0.0,
-        n => {
-            *values
-                .select_nth_unstable_by(at.min(n - 1), f32::total_cmp)
-                .1
-        }
+        n => *values.select_nth_unstable_by(at.min(n - 1), f32::total_cmp).1,
     }
 }
 

@@ -42,14 +42,8 @@ pub fn parse(bytes: &[u8]) -> Result<TfxFile> {
         |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
     let [strands, points_each] = [4, 8].map(word);
     let [position_offset, _, _, thickness_offset, color_offset] = [12, 16, 20, 24, 28].map(word);
-    ensure!(
-        strands > 0 && points_each > 0,
-        "holds no strands: export the groom again"
-    );
-    ensure!(
-        position_offset > 0,
-        "holds no positions: export the groom again"
-    );
+    ensure!(strands > 0 && points_each > 0, "holds no strands: export the groom again");
+    ensure!(position_offset > 0, "holds no positions: export the groom again");
     // Below 2^64: no overflow. Once the positions fit the file, it is far below 2^32.
     let points = u64::from(strands) * u64::from(points_each);
     let positions = float_array(bytes, "positions", position_offset, points, 4)?;
@@ -75,9 +69,7 @@ pub fn parse(bytes: &[u8]) -> Result<TfxFile> {
         }
     };
     let hair = Hair {
-        points: float_rows(positions)
-            .map(|[x, y, z, _]| Vec3::new(x, y, z))
-            .collect(),
+        points: float_rows(positions).map(|[x, y, z, _]| Vec3::new(x, y, z)).collect(),
         offsets: (0..=strands).map(|s| s * points_each).collect(),
         thickness,
         color,
@@ -99,9 +91,7 @@ fn float_array<'a>(
         u64::from(offset) >= HEADER_BYTES,
         "puts its {name} at byte {offset}, inside the header; export it again"
     );
-    let end = count
-        .checked_mul(4 * width)
-        .and_then(|length| length.checked_add(u64::from(offset)));
+    let end = count.checked_mul(4 * width).and_then(|length| length.checked_add(u64::from(offset)));
     match end {
         Some(end) if end <= bytes.len() as u64 => Ok(&bytes[offset as usize..end as usize]),
         _ => bail!(

@@ -65,15 +65,11 @@ pub fn fibre_diameter(hair: &Hair) -> Diameter {
 /// 20 % of the strand's length.
 pub fn width_profile(hair: &Hair) -> Vec<f32> {
     if let Some(thickness) = &hair.thickness {
-        let maxima = hair
-            .strands()
-            .map(|range| thickness[range].iter().copied().fold(0.0, f32::max));
+        let maxima =
+            hair.strands().map(|range| thickness[range].iter().copied().fold(0.0, f32::max));
         let full = quantile(maxima, 0.95);
         if full > 0.0 {
-            return thickness
-                .iter()
-                .map(|t| (t / full).clamp(NARROWEST, 1.0))
-                .collect();
+            return thickness.iter().map(|t| (t / full).clamp(NARROWEST, 1.0)).collect();
         }
     }
     let mut profile = Vec::with_capacity(hair.points.len());

@@ -138,7 +138,8 @@ fn nose(m: Vec3) -> f32 {
 /// Two rolls; the line of the mouth is the seam between them.
 fn lips(d: f32, m: Vec3) -> f32 {
     let bow = 0.0015 * (1.0 - (m.x / 0.007).powi(2)).max(0.0);
-    let upper = cone(m + Vec3::Y * bow, [0.0, -0.0660, 0.0912], 0.0042, [0.0215, -0.0705, 0.0842], 0.0014);
+    let upper =
+        cone(m + Vec3::Y * bow, [0.0, -0.0660, 0.0912], 0.0042, [0.0215, -0.0705, 0.0842], 0.0014);
     let lower = cone(m, [0.0, -0.0752, 0.0897], 0.0052, [0.0205, -0.0714, 0.0842], 0.0014);
     let both = smooth_union(upper, lower, 0.0025);
     smooth_union(d, both, 0.0065)
@@ -274,7 +275,9 @@ fn surface_nets(axes: &[Vec<f32>; 3]) -> Head {
                 vertex_of.get(&index(around)).copied()
             };
             // A crossed edge of an outermost cell has no four neighbours; the bounds leave room for none.
-            let (Some(a), Some(b), Some(c), Some(d)) = (cell(1, 1), cell(0, 1), cell(0, 0), cell(1, 0)) else {
+            let (Some(a), Some(b), Some(c), Some(d)) =
+                (cell(1, 1), cell(0, 1), cell(0, 0), cell(1, 0))
+            else {
                 continue;
             };
             let quad = if inside { [a, b, c, d] } else { [a, d, c, b] };

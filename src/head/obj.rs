@@ -32,10 +32,7 @@ pub fn load(source: &str, up: Up, scale: f32) -> Result<LoadedHead> {
     if source == "builtin" {
         let mut head = builtin_head();
         head.positions.iter_mut().for_each(|p| *p *= scale);
-        return Ok(LoadedHead {
-            head,
-            ..Default::default()
-        });
+        return Ok(LoadedHead { head, ..Default::default() });
     }
     let bytes = std::fs::read(source).with_context(|| format!("{source}: cannot be read"))?;
     parse(&bytes, up, scale).with_context(|| source.to_owned())
@@ -65,14 +62,9 @@ fn parse(bytes: &[u8], up: Up, scale: f32) -> Result<LoadedHead> {
     };
 
     let vectors = |flat: &[f32]| -> Vec<Vec3> {
-        flat.chunks_exact(3)
-            .map(|v| up.to_world(Vec3::from_slice(v)))
-            .collect()
+        flat.chunks_exact(3).map(|v| up.to_world(Vec3::from_slice(v))).collect()
     };
-    let positions: Vec<Vec3> = vectors(&mesh.positions)
-        .iter()
-        .map(|&p| p * scale)
-        .collect();
+    let positions: Vec<Vec3> = vectors(&mesh.positions).iter().map(|&p| p * scale).collect();
     // Fewer normals than vertices: some faces name none, and which ones tobj no longer tells.
     let given_normals = match vectors(&mesh.normals) {
         normals if normals.len() == positions.len() => normals,
@@ -131,10 +123,8 @@ fn area_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
 }
 
 fn has_area([a, b, c]: [DVec3; 3]) -> bool {
-    let longest = (b - a)
-        .length_squared()
-        .max((c - b).length_squared())
-        .max((a - c).length_squared());
+    let longest =
+        (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     // False for NaN and for infinite corners, whose ratio is NaN.
     area_normal([a, b, c]).length() / longest > FLATTEST_TRIANGLE
 }

@@ -156,26 +156,16 @@ pub struct Fitter<'a> {
 impl<'a> Fitter<'a> {
     /// Fits of `fibre`, with energies found by `energy`.
     pub fn new(fibre: &'a Fibre, energy: Energy<'a>) -> Self {
-        Self {
-            fibre,
-            energy,
-            rule: GaussLegendre::new(ENERGY_NODES),
-        }
+        Self { fibre, energy, rule: GaussLegendre::new(ENERGY_NODES) }
     }
 
     /// The fit at θ_d for a round fibre of index `eta` (Eq 25 puts η̄* there for TRT).
     pub fn fit(&self, eta: f64, theta_d: f64) -> Fit {
         let q = inverse_eta_prime(eta, theta_d);
-        let absorption = self
-            .fibre
-            .sigma_a
-            .map(|s| effective_absorption(s, eta, theta_d));
+        let absorption = self.fibre.sigma_a.map(|s| effective_absorption(s, eta, theta_d));
         let energy = absorption.map(|a| self.energies(eta, theta_d, a));
         let centre = absorption.map(|a| attenuation(eta, theta_d, 0.0, a));
-        let mut fit = Fit {
-            phi_star: phi_star(eta, theta_d),
-            ..Fit::default()
-        };
+        let mut fit = Fit { phi_star: phi_star(eta, theta_d), ..Fit::default() };
 
         // TT: b_tt = N_TT(π) (h = 0), the bandwidth from the energy (Eq 17).
         for c in 0..3 {
@@ -244,11 +234,7 @@ fn kappa_of_peak(energy: f64, attenuation: f64, spread: f64) -> f64 {
 fn phi_star(eta: f64, theta_d: f64) -> f64 {
     let q = inverse_eta_prime(eta, theta_d);
     let h2 = (4.0 - (q * q).recip()) / 3.0;
-    if h2 <= 0.0 {
-        0.0
-    } else {
-        wrap(exit_azimuth(2, h2.min(1.0).sqrt().asin(), q)).abs()
-    }
+    if h2 <= 0.0 { 0.0 } else { wrap(exit_azimuth(2, h2.min(1.0).sqrt().asin(), q)).abs() }
 }
 
 /// N_TRT(φ = 0) for η′ < 2: Eq 9 over its three roots, h = 0 and h² = η′² − η′⁴/4.
@@ -305,27 +291,13 @@ impl FitLayers {
     pub fn new(fibre: &Fibre) -> Self {
         let (mean, half) = eccentric_eta(fibre.eta, fibre.eccentricity);
         let (low, high) = ((mean - half.abs()).max(1.0), (mean + half.abs()).max(1.0));
-        let count = if high - low > 1e-6 {
-            Self::ECCENTRIC
-        } else {
-            1
-        };
-        Self {
-            mean,
-            half,
-            low,
-            high,
-            count,
-        }
+        let count = if high - low > 1e-6 { Self::ECCENTRIC } else { 1 };
+        Self { mean, half, low, high, count }
     }
 
     /// Layers per unit of η̄*; 0 for a round fibre.
     pub fn per_eta(&self) -> f64 {
-        if self.count > 1 {
-            (self.count - 1) as f64 / (self.high - self.low)
-        } else {
-            0.0
-        }
+        if self.count > 1 { (self.count - 1) as f64 / (self.high - self.low) } else { 0.0 }
     }
 }
 
@@ -360,11 +332,7 @@ impl FitTable {
             .map(|i| {
                 let eta = layers.low + (i / Self::ROWS) as f64 / layers.per_eta();
                 let Fit { b_tt, kappa_tt, .. } = round[i % Self::ROWS];
-                Fit {
-                    b_tt,
-                    kappa_tt,
-                    ..fitter.fit(eta, theta_of(i))
-                }
+                Fit { b_tt, kappa_tt, ..fitter.fit(eta, theta_of(i)) }
             })
             .collect();
         FitTable { fits }
@@ -379,9 +347,7 @@ impl FitTable {
                 let (b_1, b_2, w_1) = (f.b_1, f.b_2, width_of(f.kappa_1));
                 [
                     pack([b[0], b[1], b[2], w[0], w[1], w[2], 0.0, 0.0]),
-                    pack([
-                        b_1[0], b_1[1], b_1[2], f.phi_star, b_2[0], b_2[1], b_2[2], w_1,
-                    ]),
+                    pack([b_1[0], b_1[1], b_1[2], f.phi_star, b_2[0], b_2[1], b_2[2], w_1]),
                 ]
             })
             .collect()

@@ -128,9 +128,7 @@ impl AverageTable {
             .into_par_iter()
             .map(|row| {
                 let theta_d = FRAC_PI_2 * row as f64 / last;
-                fibre
-                    .sigma_a
-                    .map(|s| azimuthal_shares(&rule, fibre.eta, theta_d, s))
+                fibre.sigma_a.map(|s| azimuthal_shares(&rule, fibre.eta, theta_d, s))
             })
             .collect();
         let rows = (0..Self::ROWS)
@@ -207,16 +205,12 @@ fn average(
             }
         }
         // A lobe thrown past ±π/2 as a whole scatters nothing.
-        a.iter_mut()
-            .for_each(|c| c[t] = c[t].map(|x| x / whole.max(1e-9)));
+        a.iter_mut().for_each(|c| c[t] = c[t].map(|x| x / whole.max(1e-9)));
     }
 
     let energy =
         [0, 1, 2].map(|t| energy_compensation(segments, theta, fibre.alpha[t], fibre.beta[t]));
-    let mut averages = Averages {
-        energy,
-        ..Averages::default()
-    };
+    let mut averages = Averages { energy, ..Averages::default() };
     let (mut weight_sum, mut delta_sum, mut sigma_sum) = (0.0, 0.0, 0.0);
     for c in 0..3 {
         // Modes of different tilt come from different θ_d, and their sum can pass what any fibre scatters

@@ -25,12 +25,8 @@ pub fn single_scattering(
     [0, 1, 2].map(|t| {
         let reach = 6.0 * longitudinal_bandwidth(fibre.beta[t]);
         let centre = 2.0 * fibre.alpha[t] - theta_o;
-        let low = (centre - reach)
-            .max(-FRAC_PI_2)
-            .max(theta_j - 6.0 * lambda_j);
-        let high = (centre + reach)
-            .min(FRAC_PI_2)
-            .min(theta_j + 6.0 * lambda_j);
+        let low = (centre - reach).max(-FRAC_PI_2).max(theta_j - 6.0 * lambda_j);
+        let high = (centre + reach).min(FRAC_PI_2).min(theta_j + 6.0 * lambda_j);
         panels(&rule, low, high, 6, |theta_i| {
             let kappa = concentration(lambda_j) * (theta_i.cos() * theta_j.cos()).max(0.0);
             let theta_d = 0.5 * (theta_o - theta_i);

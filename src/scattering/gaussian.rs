@@ -48,11 +48,7 @@ pub fn g_circular_product(delta: f64, kappa_1: f64, kappa_2: f64) -> f64 {
     let k = (sum * sum - apart).max(0.0).sqrt();
     // K − κ₁ − κ₂ without the cancellation.
     let exponent = -apart / (k + sum);
-    if exponent < UNDERFLOW {
-        0.0
-    } else {
-        TAU * i0e(k) * exponent.exp()
-    }
+    if exponent < UNDERFLOW { 0.0 } else { TAU * i0e(k) * exponent.exp() }
 }
 
 /// The κ of the circular Gaussian whose integral is `integral` in (0, 2π): the inverse of

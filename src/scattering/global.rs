@@ -34,28 +34,15 @@ impl GlobalAzimuth {
             let (mean, _) = eccentric_eta(fibre.eta, fibre.eccentricity);
             fitter.fit(mean.max(1.0), theta_d)
         };
-        Self {
-            r: r_coefficients(fibre.eta, theta_d),
-            tt,
-            trt,
-        }
+        Self { r: r_coefficients(fibre.eta, theta_d), tt, trt }
     }
 
     /// 𝒩_t^G = (1/π)∫_{φ_j−π/2}^{φ_j+π/2} N_t(θ_d, φ_o−φ_i) dφ_i at φ = φ_o−φ_j; `half(φ, κ)` is the
     /// share of g^c(·; 0, κ) within the half circle around φ.
     pub fn at(&self, phi: f64, half: impl Fn(f64, f64) -> f64) -> Modes {
         let lobe = |delta: f64, kappa: f64| g_circular_integral(kappa) * half(delta, kappa) / PI;
-        let r: f64 = self
-            .r
-            .iter()
-            .zip(half_circle_cosines(phi))
-            .map(|(c, h)| c * h)
-            .sum();
-        Modes {
-            r: [r.max(0.0) / PI; 3],
-            tt: self.tt.tt(phi, lobe),
-            trt: self.trt.trt(phi, lobe),
-        }
+        let r: f64 = self.r.iter().zip(half_circle_cosines(phi)).map(|(c, h)| c * h).sum();
+        Modes { r: [r.max(0.0) / PI; 3], tt: self.tt.tt(phi, lobe), trt: self.trt.trt(phi, lobe) }
     }
 }
 
@@ -91,11 +78,7 @@ impl GlobalTable {
     pub fn to_gpu(&self) -> Vec<[u32; 4]> {
         self.rows
             .iter()
-            .map(|m| {
-                pack([
-                    m.r[0], m.tt[0], m.tt[1], m.tt[2], m.trt[0], m.trt[1], m.trt[2], 0.0,
-                ])
-            })
+            .map(|m| pack([m.r[0], m.tt[0], m.tt[1], m.tt[2], m.trt[0], m.trt[1], m.trt[2], 0.0]))
             .collect()
     }
 }

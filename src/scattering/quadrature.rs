@@ -33,9 +33,7 @@ impl GaussLegendre {
     /// The nodes and weights carried to [a, b].
     pub fn on(&self, a: f64, b: f64) -> impl Iterator<Item = (f64, f64)> {
         let (centre, half) = (0.5 * (a + b), 0.5 * (b - a));
-        self.nodes
-            .iter()
-            .map(move |&(x, w)| (centre + half * x, half * w))
+        self.nodes.iter().map(move |&(x, w)| (centre + half * x, half * w))
     }
 
     /// ∫_a^b f.

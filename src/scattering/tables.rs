@@ -35,21 +35,10 @@ pub struct CircularMoments {
 pub fn circular_moments(rule: &GaussLegendre, kappa: f64, phi: f64) -> CircularMoments {
     let phi = wrap(phi).abs();
     // Beyond this g^c is below e^{−36}.
-    let reach = if kappa > 18.0 {
-        2.0 * (18.0 / kappa).sqrt().asin()
-    } else {
-        PI
-    };
+    let reach = if kappa > 18.0 { 2.0 * (18.0 / kappa).sqrt().asin() } else { PI };
     // Between these the integrands are smooth: the peak, the kink of |cos|, the half circle's edges.
-    let mut breaks = [
-        -reach,
-        reach,
-        0.0,
-        phi - PI,
-        phi - FRAC_PI_2,
-        wrap(phi + FRAC_PI_2),
-    ]
-    .map(|x: f64| x.clamp(-reach, reach));
+    let mut breaks = [-reach, reach, 0.0, phi - PI, phi - FRAC_PI_2, wrap(phi + FRAC_PI_2)]
+        .map(|x: f64| x.clamp(-reach, reach));
     breaks.sort_by(f64::total_cmp);
     let (mut cosines, mut half) = ([0.0; 7], 0.0);
     for pair in breaks.windows(2).filter(|pair| pair[1] > pair[0]) {
@@ -65,10 +54,7 @@ pub fn circular_moments(rule: &GaussLegendre, kappa: f64, phi: f64) -> CircularM
         }
     }
     let whole = cosines[0];
-    CircularMoments {
-        cosines: cosines.map(|c| c / whole),
-        half: half / whole,
-    }
+    CircularMoments { cosines: cosines.map(|c| c / whole), half: half / whole }
 }
 
 /// The closed-form part of the half-circle share, right for narrow Gaussians:
@@ -82,10 +68,7 @@ fn half_circle_narrow(kappa: f64, phi: f64) -> f64 {
 /// ∫_{−π/2}^{π/2} |cos^k((φ−x)/2)| dx, k = 0…6: what Eq 28 needs for R.
 pub fn half_circle_cosines(phi: f64) -> [f64; 7] {
     let phi = wrap(phi).abs();
-    let (from, to) = (
-        powers_integral(phi - FRAC_PI_2),
-        powers_integral((phi + FRAC_PI_2).min(PI)),
-    );
+    let (from, to) = (powers_integral(phi - FRAC_PI_2), powers_integral((phi + FRAC_PI_2).min(PI)));
     let beyond = powers_integral((1.5 * PI - phi).min(PI));
     let whole = powers_integral(PI);
     std::array::from_fn(|k| to[k] - from[k] + whole[k] - beyond[k])
@@ -160,11 +143,7 @@ impl CircleTable {
     /// The moments, interpolated bilinearly.
     pub fn sample(&self, kappa: f64, phi: f64) -> CircularMoments {
         let phi = wrap(phi);
-        let s = bilinear(
-            Self::x_to_uv(kappa, phi),
-            [Self::ROWS, Self::COLUMNS],
-            |i| self.rows[i],
-        );
+        let s = bilinear(Self::x_to_uv(kappa, phi), [Self::ROWS, Self::COLUMNS], |i| self.rows[i]);
         CircularMoments {
             cosines: [1.0, s[1], s[2], s[3], s[4], s[5], s[6]],
             half: self.half(kappa, phi),
@@ -247,12 +226,7 @@ fn bilinear<const N: usize>(
     };
     let ((i, fi), (j, fj)) = (place(uv[0], size[0]), place(uv[1], size[1]));
     let first = i * size[1] + j;
-    let corners = [
-        at(first),
-        at(first + 1),
-        at(first + size[1]),
-        at(first + size[1] + 1),
-    ];
+    let corners = [at(first), at(first + 1), at(first + size[1]), at(first + size[1] + 1)];
     std::array::from_fn(|k| {
         let low = corners[0][k] + fj * (corners[1][k] - corners[0][k]);
         let high = corners[2][k] + fj * (corners[3][k] - corners[2][k]);
@@ -269,10 +243,7 @@ pub struct Tables {
 
 /// Builds the tables: below 0.1 s on two cores.
 pub fn build() -> Tables {
-    Tables {
-        circle: CircleTable::build(),
-        absorption: AbsorptionMoments::build(),
-    }
+    Tables { circle: CircleTable::build(), absorption: AbsorptionMoments::build() }
 }
 
 impl Tables {

@@ -121,11 +121,7 @@ impl<'a> Xu<'a> {
             });
             sum.map(|x| scale * x)
         };
-        Modes {
-            r: mode(0, |m| m.r),
-            tt: mode(1, |m| m.tt),
-            trt: mode(2, |m| m.trt),
-        }
+        Modes { r: mode(0, |m| m.r), tt: mode(1, |m| m.tt), trt: mode(2, |m| m.trt) }
     }
 
     /// ∫G_j S_back cosθ_i dω: what strands behind return of light that reached this one directly.
@@ -173,12 +169,7 @@ impl<'a> Xu<'a> {
         inner: impl Fn(f64, f64) -> [f64; 3],
     ) -> [f64; 3] {
         let lambda_m = longitudinal_bandwidth(self.fibre.beta[mode]);
-        let lobe = product(
-            theta_j,
-            width,
-            2.0 * self.fibre.alpha[mode] - theta_o,
-            lambda_m,
-        );
+        let lobe = product(theta_j, width, 2.0 * self.fibre.alpha[mode] - theta_o, lambda_m);
         self.integrate(lobe, lambda_m, theta_o, inner)
     }
 

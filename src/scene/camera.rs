@@ -48,22 +48,14 @@ pub struct Camera {
 
 impl Default for CameraSpec {
     fn default() -> Self {
-        Self {
-            view: View::Orbit(Orbit::default()),
-            target: None,
-            fov_deg: 30.0,
-        }
+        Self { view: View::Orbit(Orbit::default()), target: None, fov_deg: 30.0 }
     }
 }
 
 impl Default for Orbit {
     /// A three-quarter view from a little above.
     fn default() -> Self {
-        Self {
-            azimuth_deg: 35.0,
-            elevation_deg: 5.0,
-            distance: None,
-        }
+        Self { azimuth_deg: 35.0, elevation_deg: 5.0, distance: None }
     }
 }
 
@@ -76,11 +68,7 @@ impl CameraSpec {
         let target = self.target.map_or(center.as_dvec3(), DVec3::from_array);
         let position = match self.view {
             View::Position(position) => DVec3::from_array(position),
-            View::Orbit(Orbit {
-                azimuth_deg,
-                elevation_deg,
-                distance,
-            }) => {
+            View::Orbit(Orbit { azimuth_deg, elevation_deg, distance }) => {
                 let (sin_azimuth, cos_azimuth) = azimuth_deg.to_radians().sin_cos();
                 let (sin_elevation, cos_elevation) = elevation_deg.to_radians().sin_cos();
                 let outward = DVec3::new(
@@ -102,12 +90,7 @@ impl CameraSpec {
             DVec3::NEG_Z * -forward.y.signum()
         };
         let up = upright.reject_from_normalized(forward).normalize();
-        Ok(Camera {
-            position,
-            target,
-            up,
-            fov_deg: self.fov_deg,
-        })
+        Ok(Camera { position, target, up, fov_deg: self.fov_deg })
     }
 }
 

@@ -104,10 +104,7 @@ impl FibreSpec {
     /// Both concentrations, zero where the pigment is no melanin.
     pub(super) fn melanin(&self) -> [f64; 2] {
         match self.pigment {
-            Pigment::Melanin {
-                eumelanin,
-                pheomelanin,
-            } => [eumelanin, pheomelanin],
+            Pigment::Melanin { eumelanin, pheomelanin } => [eumelanin, pheomelanin],
             _ => [0.0; 2],
         }
     }
@@ -118,10 +115,7 @@ impl Pigment {
     pub fn sigma_a(&self) -> [f64; 3] {
         match *self {
             Pigment::Absorption(sigma_a) => sigma_a,
-            Pigment::Melanin {
-                eumelanin,
-                pheomelanin,
-            } => std::array::from_fn(|c| {
+            Pigment::Melanin { eumelanin, pheomelanin } => std::array::from_fn(|c| {
                 eumelanin * EUMELANIN_CROSS_SECTION[c] + pheomelanin * PHEOMELANIN_CROSS_SECTION[c]
             }),
             Pigment::Color(color) => color.map(sigma_a_from_color),

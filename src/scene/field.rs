@@ -110,10 +110,7 @@ impl Field {
     /// `#rrggbb`; quotes around text are taken off. The error is one line that names key and range.
     pub fn parse(&self, text: &str) -> Result<Value, String> {
         let text = text.trim();
-        let text = text
-            .strip_prefix('"')
-            .and_then(|t| t.strip_suffix('"'))
-            .unwrap_or(text);
+        let text = text.strip_prefix('"').and_then(|t| t.strip_suffix('"')).unwrap_or(text);
         let value = match self.kind {
             _ if self.unset == Some(text) => Some(Value::Unset),
             Kind::Number { .. } | Kind::Integer { .. } => text.parse().ok().map(Value::Number),
@@ -186,11 +183,7 @@ impl Field {
             }
             _ => false,
         };
-        if fits {
-            Ok(value)
-        } else {
-            Err(self.must_be(&self.format(&value)))
-        }
+        if fits { Ok(value) } else { Err(self.must_be(&self.format(&value))) }
     }
 
     fn must_be(&self, found: &str) -> String {
@@ -200,11 +193,7 @@ impl Field {
     /// Type, range and unit in words, as "a number from 1 to 3".
     pub fn expects(&self) -> String {
         let range = |min, max| {
-            let unit = if self.unit.is_empty() {
-                String::new()
-            } else {
-                format!(" {}", self.unit)
-            };
+            let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
             format!("from {} to {}{unit}", number(min), number(max))
         };
         let mut text = match self.kind {
@@ -223,11 +212,7 @@ impl Field {
             Kind::Color { min, max, words } => {
                 let mut ways = vec!["#rrggbb (sRGB)".to_owned()];
                 ways.extend(words.iter().map(|&word| word.to_owned()));
-                format!(
-                    "{} or three linear numbers r,g,b {}",
-                    ways.join(", "),
-                    range(min, max)
-                )
+                format!("{} or three linear numbers r,g,b {}", ways.join(", "), range(min, max))
             }
             Kind::Size { min, max } => {
                 format!("a size such as 720x480, each side {}", range(min, max))
@@ -296,9 +281,7 @@ impl Slot for f64 {
         Value::Number(*self)
     }
     fn assign(&mut self, value: Value) {
-        let Value::Number(x) = value else {
-            unreachable!("a checked number")
-        };
+        let Value::Number(x) = value else { unreachable!("a checked number") };
         *self = x;
     }
 }
@@ -308,9 +291,7 @@ impl Slot for u32 {
         Value::Number(f64::from(*self))
     }
     fn assign(&mut self, value: Value) {
-        let Value::Number(x) = value else {
-            unreachable!("a checked number")
-        };
+        let Value::Number(x) = value else { unreachable!("a checked number") };
         *self = x as u32;
     }
 }
@@ -320,9 +301,7 @@ impl Slot for String {
         Value::Text(self.clone())
     }
     fn assign(&mut self, value: Value) {
-        let Value::Text(text) = value else {
-            unreachable!("a checked text")
-        };
+        let Value::Text(text) = value else { unreachable!("a checked text") };
         *self = text;
     }
 }
@@ -332,9 +311,7 @@ impl Slot for [f64; 3] {
         Value::List(self.to_vec())
     }
     fn assign(&mut self, value: Value) {
-        let Value::List(xs) = value else {
-            unreachable!("a checked vector")
-        };
+        let Value::List(xs) = value else { unreachable!("a checked vector") };
         self.copy_from_slice(&xs);
     }
 }
@@ -344,9 +321,7 @@ impl Slot for [u32; 2] {
         Value::List(self.iter().map(|&x| f64::from(x)).collect())
     }
     fn assign(&mut self, value: Value) {
-        let Value::List(xs) = value else {
-            unreachable!("a checked size")
-        };
+        let Value::List(xs) = value else { unreachable!("a checked size") };
         *self = [xs[0] as u32, xs[1] as u32];
     }
 }
@@ -402,11 +377,7 @@ pub(super) use choice;
 
 /// Shortest text that reads back to the same number; valid TOML for finite numbers.
 fn number(x: f64) -> String {
-    if x == 0.0 || (1e-4..1e15).contains(&x.abs()) {
-        format!("{x}")
-    } else {
-        format!("{x:e}")
-    }
+    if x == 0.0 || (1e-4..1e15).contains(&x.abs()) { format!("{x}") } else { format!("{x:e}") }
 }
 
 fn quote(text: &str) -> String {
@@ -415,10 +386,7 @@ fn quote(text: &str) -> String {
 
 /// Numbers with a separator between them, with or without brackets around.
 fn list(text: &str, separator: char) -> Option<Value> {
-    let inner = text
-        .strip_prefix('[')
-        .and_then(|t| t.strip_suffix(']'))
-        .unwrap_or(text);
+    let inner = text.strip_prefix('[').and_then(|t| t.strip_suffix(']')).unwrap_or(text);
     let numbers = inner.split(separator).map(|item| item.trim().parse().ok());
     numbers.collect::<Option<Vec<f64>>>().map(Value::List)
 }
@@ -427,25 +395,19 @@ fn list(text: &str, separator: char) -> Option<Value> {
 fn srgb(text: &str) -> Option<Value> {
     let digits = text.strip_prefix('#').filter(|d| d.len() == 6)?;
     let packed = digits.bytes().all(|b| b.is_ascii_hexdigit());
-    let packed = packed
-        .then(|| u32::from_str_radix(digits, 16).ok())
-        .flatten()?;
+    let packed = packed.then(|| u32::from_str_radix(digits, 16).ok()).flatten()?;
     let linear = |shift: u32| {
         let encoded = f64::from((packed >> shift) & 0xff) / 255.0;
-        if encoded <= 0.04045 {
-            encoded / 12.92
-        } else {
-            ((encoded + 0.055) / 1.055).powf(2.4)
-        }
+        if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
     };
     Some(Value::List(vec![linear(16), linear(8), linear(0)]))
 }
 
 fn number_of(value: &toml::de::DeValue) -> Option<f64> {
     match value {
-        toml::de::DeValue::Integer(i) => i64::from_str_radix(i.as_str(), i.radix())
-            .ok()
-            .map(|i| i as f64),
+        toml::de::DeValue::Integer(i) => {
+            i64::from_str_radix(i.as_str(), i.radix()).ok().map(|i| i as f64)
+        }
         toml::de::DeValue::Float(f) => f.as_str().parse().ok(),
         _ => None,
     }

@@ -66,12 +66,8 @@ impl field::Slot for Up {
         Value::Text(self.to_string())
     }
     fn assign(&mut self, value: Value) {
-        let Value::Text(word) = value else {
-            unreachable!("a checked word")
-        };
-        *self = word
-            .parse()
-            .unwrap_or_else(|_| unreachable!("a checked word"));
+        let Value::Text(word) = value else { unreachable!("a checked word") };
+        *self = word.parse().unwrap_or_else(|_| unreachable!("a checked word"));
     }
 }
 
@@ -173,20 +169,13 @@ impl Default for HairSpec {
 
 impl Default for HeadSpec {
     fn default() -> Self {
-        Self {
-            source: "auto".to_owned(),
-        }
+        Self { source: "auto".to_owned() }
     }
 }
 
 impl Default for EnvironmentSpec {
     fn default() -> Self {
-        Self {
-            source: "builtin:studio".to_owned(),
-            rotation_deg: 0.0,
-            exposure: 0.0,
-            lights: 40,
-        }
+        Self { source: "builtin:studio".to_owned(), rotation_deg: 0.0, exposure: 0.0, lights: 40 }
     }
 }
 
@@ -247,18 +236,11 @@ impl Scene {
         leaves.sort_by_key(|leaf| leaf.start);
         let mut level = Vec::new();
         for leaf in leaves {
-            let assignment = field_named(&leaf.key).and_then(|field| {
-                Ok(Assignment {
-                    field,
-                    value: field.read_toml(leaf.value)?,
-                })
-            });
+            let assignment = field_named(&leaf.key)
+                .and_then(|field| Ok(Assignment { field, value: field.read_toml(leaf.value)? }));
             let Assignment { field, value } =
                 assignment.map_err(|e| anyhow!("{name}:{}: {e}", position(text, leaf.start).0))?;
-            level.push(Assignment {
-                field,
-                value: field.relocate(value, folder),
-            });
+            level.push(Assignment { field, value: field.relocate(value, folder) });
         }
         let mut scene = Scene::default();
         scene.apply(level).with_context(|| name.to_owned())?;
@@ -275,16 +257,9 @@ impl Scene {
                 continue;
             };
             for earlier in &level[..i] {
-                if earlier
-                    .field
-                    .alternative
-                    .is_some_and(|a| a.of == b.of && a.way != b.way)
-                {
+                if earlier.field.alternative.is_some_and(|a| a.of == b.of && a.way != b.way) {
                     let (first, second) = (earlier.field.key, later.field.key);
-                    bail!(
-                        "`{first}` and `{second}` both set {}; keep one of them",
-                        b.of
-                    );
+                    bail!("`{first}` and `{second}` both set {}; keep one of them", b.of);
                 }
             }
         }
@@ -321,11 +296,7 @@ impl Scene {
     pub fn head_source(&self) -> Option<&str> {
         match self.head.source.as_str() {
             "none" => None,
-            "auto" => self
-                .hair
-                .source
-                .starts_with("builtin:")
-                .then_some("builtin"),
+            "auto" => self.hair.source.starts_with("builtin:").then_some("builtin"),
             source => Some(source),
         }
     }
@@ -337,10 +308,7 @@ pub fn parse_assignment(text: &str) -> Result<Assignment, String> {
         .split_once('=')
         .ok_or_else(|| format!("`{text}` is not of the form key=value, such as fibre.eta=1.6"))?;
     let field = field_named(key.trim())?;
-    Ok(Assignment {
-        field,
-        value: field.parse(value)?,
-    })
+    Ok(Assignment { field, value: field.parse(value)? })
 }
 
 /// The field with this key. The error names the nearest key.
@@ -356,14 +324,9 @@ pub fn field_named(key: &str) -> Result<&'static Field, String> {
         return Ok(field);
     }
     if let Some(field) = FIELDS.iter().find(|field| field.group() == key) {
-        return Err(format!(
-            "`{key}` is a table of keys such as `{}`",
-            field.key
-        ));
+        return Err(format!("`{key}` is a table of keys such as `{}`", field.key));
     }
-    let nearest = FIELDS
-        .iter()
-        .max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
+    let nearest = FIELDS.iter().max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
     let nearest = nearest.map_or("", |field| field.key);
     Err(format!("unknown key `{key}`; did you mean `{nearest}`?"))
 }
@@ -385,11 +348,7 @@ fn flatten<'a>(table: &'a DeTable<'a>, prefix: &str, leaves: &mut Vec<Leaf<'a>>)
                 flatten(inner, &format!("{key}."), leaves);
             }
             DeValue::Table(_) if FIELDS.iter().any(|field| field.group() == key) => {}
-            value => leaves.push(Leaf {
-                key,
-                value,
-                start: name.span().start,
-            }),
+            value => leaves.push(Leaf { key, value, start: name.span().start }),
         }
     }
 }
@@ -398,13 +357,7 @@ fn flatten<'a>(table: &'a DeTable<'a>, prefix: &str, leaves: &mut Vec<Leaf<'a>>)
 fn position(text: &str, offset: usize) -> (usize, usize) {
     let before = &text.as_bytes()[..offset.min(text.len())];
     let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
-    let line_start = before
-        .iter()
-        .rposition(|&b| b == b'\n')
-        .map_or(0, |i| i + 1);
-    let column = String::from_utf8_lossy(&before[line_start..])
-        .chars()
-        .count()
-        + 1;
+    let line_start = before.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
+    let column = String::from_utf8_lossy(&before[line_start..]).chars().count() + 1;
     (line, column)
 }

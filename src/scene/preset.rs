@@ -84,10 +84,7 @@ pub(super) const NAMES: &[&str] = &{
 };
 
 const fn melanin(eumelanin: f64, pheomelanin: f64) -> Pigment {
-    Pigment::Melanin {
-        eumelanin,
-        pheomelanin,
-    }
+    Pigment::Melanin { eumelanin, pheomelanin }
 }
 
 impl FibreSpec {

@@ -33,68 +33,33 @@ const fn field(key: &'static str, flag: &'static str, kind: Kind, help: &'static
 }
 
 const fn color_by(way: &'static str) -> Option<Alternative> {
-    Some(Alternative {
-        of: "the colour of the fibre",
-        way,
-    })
+    Some(Alternative { of: "the colour of the fibre", way })
 }
 
 const fn view_by(way: &'static str) -> Option<Alternative> {
-    Some(Alternative {
-        of: "where the camera stands",
-        way,
-    })
+    Some(Alternative { of: "where the camera stands", way })
 }
 
-const ANGLE: Kind = Kind::Number {
-    min: -360.0,
-    max: 360.0,
-};
-const STOPS: Kind = Kind::Number {
-    min: -20.0,
-    max: 20.0,
-};
-const BETA: Kind = Kind::Number {
-    min: BETA_DEG[0],
-    max: BETA_DEG[1],
-};
-const ALPHA: Kind = Kind::Number {
-    min: -20.0,
-    max: 20.0,
-};
-const POINT: Kind = Kind::Vector {
-    min: -1e9,
-    max: 1e9,
-};
-const CONCENTRATION: Kind = Kind::Number {
-    min: 0.0,
-    max: 100.0,
-};
+const ANGLE: Kind = Kind::Number { min: -360.0, max: 360.0 };
+const STOPS: Kind = Kind::Number { min: -20.0, max: 20.0 };
+const BETA: Kind = Kind::Number { min: BETA_DEG[0], max: BETA_DEG[1] };
+const ALPHA: Kind = Kind::Number { min: -20.0, max: 20.0 };
+const POINT: Kind = Kind::Vector { min: -1e9, max: 1e9 };
+const CONCENTRATION: Kind = Kind::Number { min: 0.0, max: 100.0 };
 
 /// All fields, in the order of a scene file.
 pub static FIELDS: &[Field] = &[
     field!(
         hair.source,
         "hair",
-        Kind::Source {
-            builtins: &crate::hair::groom::STYLES,
-            words: &[]
-        },
+        Kind::Source { builtins: &crate::hair::groom::STYLES, words: &[] },
         "strands: .hair, .tfx, or a builtin groom"
     ),
-    field!(
-        hair.up,
-        "up",
-        Kind::Choice(UP_WORDS),
-        "axis of the files that points up"
-    ),
+    field!(hair.up, "up", Kind::Choice(UP_WORDS), "axis of the files that points up"),
     field!(
         hair.scale,
         "scale",
-        Kind::Number {
-            min: 1e-6,
-            max: 1e6
-        },
+        Kind::Number { min: 1e-6, max: 1e6 },
         "world lengths per length in the files"
     ),
     field!(
@@ -106,10 +71,7 @@ pub static FIELDS: &[Field] = &[
     field!(
         hair.seed,
         "seed",
-        Kind::Integer {
-            min: 0.0,
-            max: u32::MAX as f64
-        },
+        Kind::Integer { min: 0.0, max: u32::MAX as f64 },
         "random seed of a builtin groom"
     ),
     field!(
@@ -131,19 +93,13 @@ pub static FIELDS: &[Field] = &[
     field!(
         head.source,
         "head",
-        Kind::Source {
-            builtins: &[],
-            words: &["auto", "builtin", "none"]
-        },
+        Kind::Source { builtins: &[], words: &["auto", "builtin", "none"] },
         "head under the hair: .obj; auto is builtin for builtin hair, else none"
     ),
     field!(
         environment.source,
         "env",
-        Kind::Source {
-            builtins: &["studio", "sunset", "overcast", "night"],
-            words: &[]
-        },
+        Kind::Source { builtins: &["studio", "sunset", "overcast", "night"], words: &[] },
         "lat-long map that lights the scene: .exr, .hdr"
     ),
     field!(environment.rotation_deg, "env-rotation", ANGLE,
@@ -152,10 +108,7 @@ pub static FIELDS: &[Field] = &[
     field!(
         environment.lights,
         "lights",
-        Kind::Integer {
-            min: 1.0,
-            max: 256.0
-        },
+        Kind::Integer { min: 1.0, max: 256.0 },
         "lights fitted to the map"
     ),
     Field {
@@ -173,12 +126,7 @@ pub static FIELDS: &[Field] = &[
             "colour, roughness and tilt to start from",
         )
     },
-    field!(
-        fibre.eta,
-        "eta",
-        Kind::Number { min: 1.0, max: 3.0 },
-        "index of refraction"
-    ),
+    field!(fibre.eta, "eta", Kind::Number { min: 1.0, max: 3.0 }, "index of refraction"),
     Field {
         alternative: color_by("absorption"),
         get: |scene| match scene.fibre.pigment {
@@ -193,10 +141,7 @@ pub static FIELDS: &[Field] = &[
         ..field(
             "fibre.sigma_a",
             "sigma-a",
-            Kind::Vector {
-                min: 0.0,
-                max: 1000.0,
-            },
+            Kind::Vector { min: 0.0, max: 1000.0 },
             "absorption per fibre radius, linear RGB",
         )
     },
@@ -209,10 +154,7 @@ pub static FIELDS: &[Field] = &[
         set: |scene, value| {
             let [mut eumelanin, pheomelanin] = scene.fibre.melanin();
             eumelanin.assign(value);
-            scene.fibre.pigment = Pigment::Melanin {
-                eumelanin,
-                pheomelanin,
-            };
+            scene.fibre.pigment = Pigment::Melanin { eumelanin, pheomelanin };
         },
         ..field(
             "fibre.eumelanin",
@@ -230,17 +172,9 @@ pub static FIELDS: &[Field] = &[
         set: |scene, value| {
             let [eumelanin, mut pheomelanin] = scene.fibre.melanin();
             pheomelanin.assign(value);
-            scene.fibre.pigment = Pigment::Melanin {
-                eumelanin,
-                pheomelanin,
-            };
+            scene.fibre.pigment = Pigment::Melanin { eumelanin, pheomelanin };
         },
-        ..field(
-            "fibre.pheomelanin",
-            "pheomelanin",
-            CONCENTRATION,
-            "concentration of red pigment",
-        )
+        ..field("fibre.pheomelanin", "pheomelanin", CONCENTRATION, "concentration of red pigment")
     },
     Field {
         alternative: color_by("color"),
@@ -256,11 +190,7 @@ pub static FIELDS: &[Field] = &[
         ..field(
             "fibre.color",
             "color",
-            Kind::Color {
-                min: 0.001,
-                max: 0.999,
-                words: &[],
-            },
+            Kind::Color { min: 0.001, max: 0.999, words: &[] },
             "wanted colour of the hair as a whole (approximate)",
         )
     },
@@ -300,12 +230,7 @@ pub static FIELDS: &[Field] = &[
             position.assign(value);
             scene.camera.view = View::Position(position);
         },
-        ..field(
-            "camera.position",
-            "position",
-            POINT,
-            "where the camera stands, in the world",
-        )
+        ..field("camera.position", "position", POINT, "where the camera stands, in the world")
     },
     field!(camera.target, "target", POINT, "what it looks at; auto is the middle of the hair",
         unset: Some("auto")),
@@ -315,12 +240,7 @@ pub static FIELDS: &[Field] = &[
         unit: "degrees",
         get: |scene| orbit_of(scene).map(|orbit| orbit.azimuth_deg.value()),
         set: |scene, value| edit_orbit(scene, |orbit| orbit.azimuth_deg.assign(value)),
-        ..orbit_field(
-            "camera.azimuth_deg",
-            "azimuth",
-            ANGLE,
-            "camera's angle from the face to +x",
-        )
+        ..orbit_field("camera.azimuth_deg", "azimuth", ANGLE, "camera's angle from the face to +x")
     },
     Field {
         unit: "degrees",
@@ -329,10 +249,7 @@ pub static FIELDS: &[Field] = &[
         ..orbit_field(
             "camera.elevation_deg",
             "elevation",
-            Kind::Number {
-                min: -90.0,
-                max: 90.0,
-            },
+            Kind::Number { min: -90.0, max: 90.0 },
             "camera's angle above the horizon",
         )
     },
@@ -343,10 +260,7 @@ pub static FIELDS: &[Field] = &[
         ..orbit_field(
             "camera.distance",
             "distance",
-            Kind::Number {
-                min: 0.01,
-                max: 1000.0,
-            },
+            Kind::Number { min: 0.01, max: 1000.0 },
             "camera's distance in radii of the hair; auto frames it",
         )
     },
@@ -359,19 +273,13 @@ pub static FIELDS: &[Field] = &[
     field!(
         render.segments,
         "segments",
-        Kind::Integer {
-            min: 2.0,
-            max: 16.0
-        },
+        Kind::Integer { min: 2.0, max: 16.0 },
         "segments of the longitudinal quadrature"
     ),
     field!(
         render.samples,
         "samples",
-        Kind::Integer {
-            min: 1.0,
-            max: 1024.0
-        },
+        Kind::Integer { min: 1.0, max: 1024.0 },
         "samples a pixel: time for quality"
     ),
     field!(
@@ -380,21 +288,13 @@ pub static FIELDS: &[Field] = &[
         Kind::Choice(Scattering::WORDS),
         "which scattering is shown; all but both are for study"
     ),
-    field!(
-        render.adapter,
-        "adapter",
-        Kind::Text,
-        "auto, cpu, or part of an adapter's name"
-    ),
+    field!(render.adapter, "adapter", Kind::Text, "auto, cpu, or part of an adapter's name"),
     field!(output.path, "output", Kind::Output(&["png", "exr"]), "image to write",
         short: Some('o')),
     field!(
         output.size,
         "size",
-        Kind::Size {
-            min: 1.0,
-            max: 8192.0
-        },
+        Kind::Size { min: 1.0, max: 8192.0 },
         "width and height of the image"
     ),
     Field {
@@ -419,11 +319,7 @@ pub static FIELDS: &[Field] = &[
         ..field(
             "output.background",
             "background",
-            Kind::Color {
-                min: 0.0,
-                max: 1000.0,
-                words: &["environment", "transparent"],
-            },
+            Kind::Color { min: 0.0, max: 1000.0, words: &["environment", "transparent"] },
             "what is seen past the hair",
         )
     },
@@ -434,10 +330,7 @@ pub static FIELDS: &[Field] = &[
     field!(
         output.turntable,
         "turntable",
-        Kind::Integer {
-            min: 0.0,
-            max: 3600.0
-        },
+        Kind::Integer { min: 0.0, max: 3600.0 },
         "frames of a turn around the hair, numbered; 0 is a still"
     ),
 ];
@@ -448,10 +341,7 @@ const fn orbit_field(
     kind: Kind,
     help: &'static str,
 ) -> Field {
-    Field {
-        alternative: view_by("orbit"),
-        ..field(key, flag, kind, help)
-    }
+    Field { alternative: view_by("orbit"), ..field(key, flag, kind, help) }
 }
 
 fn orbit_of(scene: &Scene) -> Option<Orbit> {

@@ -57,11 +57,7 @@ impl BlurredLobe {
         let (radius, value) = self.radius_and_value(versine);
         let cosine = 1.0 - versine;
         // d ln(sinh r / r)/dr · 1/r, whose limit at 0 is 1/3.
-        let slope = if radius > 1e-6 {
-            mean_cosine(radius) / radius
-        } else {
-            1.0 / 3.0
-        };
+        let slope = if radius > 1e-6 { mean_cosine(radius) / radius } else { 1.0 / 3.0 };
         let by_cosine = value * slope * self.kappa * self.kappa_blur;
         let by_kappa = value * (slope * (self.kappa + self.kappa_blur * cosine) - self.mean_cosine);
         [value, by_cosine, -2.0 * self.kappa * by_kappa]

@@ -13,7 +13,7 @@ use crate::environment::Environment;
 use crate::file::write_whole;
 
 /// Raise this whenever the same map would get other lights, or the file another layout.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Numbers before the lights (errors at 0, 0.15 and 0.3, energy ratio, seconds) and in each light.
 const HEAD: usize = 5;
@@ -35,11 +35,7 @@ pub fn fit_cached(
 /// `$HAIRLIGHT_CACHE`, else `$XDG_CACHE_HOME/hairlight`, else `~/.cache/hairlight`; None without a
 /// home.
 pub fn cache_folder() -> Option<PathBuf> {
-    let folder = |name: &str| {
-        env::var_os(name)
-            .filter(|v| !v.is_empty())
-            .map(PathBuf::from)
-    };
+    let folder = |name: &str| env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     folder("HAIRLIGHT_CACHE")
         .or_else(|| folder("XDG_CACHE_HOME").map(|base| base.join("hairlight")))
         .or_else(|| env::home_dir().map(|home| home.join(".cache/hairlight")))
@@ -83,11 +79,7 @@ fn encode(fit: &Fit) -> Vec<u8> {
         let [r, g, b] = light.rgb;
         [x, y, z, light.lambda, r, g, b]
     });
-    let body: Vec<u8> = head
-        .into_iter()
-        .chain(lights)
-        .flat_map(f64::to_le_bytes)
-        .collect();
+    let body: Vec<u8> = head.into_iter().chain(lights).flat_map(f64::to_le_bytes).collect();
     [blake3::hash(&body).as_bytes(), &body[..]].concat()
 }
 
@@ -97,20 +89,9 @@ fn decode(bytes: &[u8]) -> Option<Fit> {
         return None;
     }
     let (numbers, rest) = body.as_chunks::<8>();
-    let numbers: Vec<f64> = numbers
-        .iter()
-        .map(|&bytes| f64::from_le_bytes(bytes))
-        .collect();
-    let (
-        &[
-            relative_l2,
-            blurred_0_15,
-            blurred_0_30,
-            energy_ratio,
-            seconds,
-        ],
-        lights,
-    ) = numbers.split_first_chunk::<HEAD>()?;
+    let numbers: Vec<f64> = numbers.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect();
+    let (&[relative_l2, blurred_0_15, blurred_0_30, energy_ratio, seconds], lights) =
+        numbers.split_first_chunk::<HEAD>()?;
     let (lights, left) = lights.as_chunks::<PER_LIGHT>();
     if !rest.is_empty() || !left.is_empty() || !(1..=MAX_LIGHTS).contains(&lights.len()) {
         return None;

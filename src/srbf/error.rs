@@ -17,26 +17,17 @@ pub(super) fn relative_l2_blurred(map: &Harmonics, lights: &Harmonics, lambda: f
 
 /// The quotient, or `otherwise` where there is nothing to divide by.
 pub(super) fn ratio_or(numerator: f64, denominator: f64, otherwise: f64) -> f64 {
-    if denominator > 0.0 {
-        numerator / denominator
-    } else {
-        otherwise
-    }
+    if denominator > 0.0 { numerator / denominator } else { otherwise }
 }
 
 /// √(∫|M − L|² / ∫|M|²) for the map M of constant patches; 0 for a black map.
 pub(super) fn relative_l2(env: &Environment, lights: &[SrbfLight]) -> f64 {
     let squares = |y: usize| {
-        let row = env.pixels[y * env.width..(y + 1) * env.width]
-            .iter()
-            .flatten();
+        let row = env.pixels[y * env.width..(y + 1) * env.width].iter().flatten();
         cell_area(y, env.height, env.width) * row.map(|&v| v as f64 * v as f64).sum::<f64>()
     };
     let map_squared: f64 = (0..env.height).map(squares).sum();
-    let cross: Vec<f64> = lights
-        .par_iter()
-        .map(|light| map_product(env, light))
-        .collect();
+    let cross: Vec<f64> = lights.par_iter().map(|light| map_product(env, light)).collect();
     let squared = map_squared - 2.0 * cross.iter().sum::<f64>() + lights_product(lights, lights);
     ratio_or(squared.max(0.0), map_squared, 0.0).sqrt()
 }
@@ -49,9 +40,7 @@ pub(super) fn lights_product(a: &[SrbfLight], b: &[SrbfLight]) -> f64 {
         let (a, b) = (a.energy(), b.energy());
         overlap * (0..3).map(|c| a[c] * b[c]).sum::<f64>()
     };
-    a.iter()
-        .flat_map(|a| b.iter().map(move |b| pair(a, b)))
-        .sum()
+    a.iter().flat_map(|a| b.iter().map(move |b| pair(a, b))).sum()
 }
 
 /// Solid angle of a cell in row y of a lat-long grid.

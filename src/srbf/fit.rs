@@ -11,9 +11,9 @@
 //! in the step).
 //!
 //! Deviation: plain least squares against the map itself spends its lights on highlights (7.9 to
-//! 22 % left at λ = 0.3 with 40 lights). On 16 real maps this leaves 0.09 to 0.73 % at λ = 0.3 and
-//! 0.27 to 2.2 % at λ = 0.15 (3.9 % in one hall of many lamps, whose floor seems to be 3.4 %),
-//! energy within 0.01 %, in 2.2 to 3.7 s of CPU time.
+//! 22 % left at λ = 0.3 with 40 lights). On 16 real maps this leaves 0.06 to 0.71 % at λ = 0.3 and
+//! 0.27 to 2.2 % at λ = 0.15 (3.7 % in one hall of many lamps, where longer searches end at 3.4 %),
+//! energy within 0.01 %, in about 4 s of CPU time.
 
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
@@ -52,12 +52,7 @@ const START_PROFILE_STEPS: usize = 2048;
 const BATCHES: usize = 8;
 /// Levenberg–Marquardt steps after each batch, after the last, in each round of replacement, and at
 /// the end.
-const STEPS: StepCounts = StepCounts {
-    batch: 10,
-    all: 10,
-    round: 9,
-    end: 10,
-};
+const STEPS: StepCounts = StepCounts { batch: 10, all: 10, round: 9, end: 10 };
 /// Rounds in which the least useful lights (at first one in `REPLACED_SHARE`) are sought a better
 /// place.
 const ROUNDS: usize = 5;
@@ -105,11 +100,7 @@ pub struct Fit {
 impl Fit {
     /// Measures given lights against a map (`seconds` 0).
     pub fn measured(env: &Environment, lights: Vec<SrbfLight>) -> Self {
-        Self::measured_by(
-            env,
-            &Harmonics::of_map(env, band_of_blur(VIEWS[0].0)),
-            lights,
-        )
+        Self::measured_by(env, &Harmonics::of_map(env, band_of_blur(VIEWS[0].0)), lights)
     }
 
     fn measured_by(env: &Environment, map: &Harmonics, lights: Vec<SrbfLight>) -> Self {
@@ -132,10 +123,7 @@ impl Fit {
 /// The same map and n give the same lights bit for bit, whatever the number of threads.
 pub fn fit(env: &Environment, n: usize, progress: &(dyn Fn(f32) -> bool + Sync)) -> Result<Fit> {
     let start = Instant::now();
-    ensure!(
-        (1..=MAX_LIGHTS).contains(&n),
-        "cannot fit {n} lights: choose 1 to {MAX_LIGHTS}"
-    );
+    ensure!((1..=MAX_LIGHTS).contains(&n), "cannot fit {n} lights: choose 1 to {MAX_LIGHTS}");
     ensure!(
         env.width > 0 && env.height > 0 && env.pixels.len() == env.width * env.height,
         "cannot fit lights to an empty environment"
@@ -144,17 +132,10 @@ pub fn fit(env: &Environment, n: usize, progress: &(dyn Fn(f32) -> bool + Sync))
     let lights = if map.integral().iter().sum::<f64>() > 0.0 {
         Fitter::new(env, &map, progress).run(n)?
     } else {
-        vec![SrbfLight {
-            direction: DVec3::Y,
-            lambda: 1.0,
-            rgb: [0.0; 3],
-        }]
+        vec![SrbfLight { direction: DVec3::Y, lambda: 1.0, rgb: [0.0; 3] }]
     };
     let fit = Fit::measured_by(env, &map, lights);
-    Ok(Fit {
-        seconds: start.elapsed().as_secs_f64(),
-        ..fit
-    })
+    Ok(Fit { seconds: start.elapsed().as_secs_f64(), ..fit })
 }
 
 /// A light while it is fitted. Its energy, in units of the map's, stays put when λ moves.
@@ -230,18 +211,13 @@ struct NormalEquations {
 
 impl NormalEquations {
     fn zero(n: usize) -> Self {
-        Self {
-            gram: vec![0.0; 16 * n * n],
-            moments: vec![[0.0; 3]; 4 * n],
-        }
+        Self { gram: vec![0.0; 16 * n * n], moments: vec![[0.0; 3]; 4 * n] }
     }
 
     /// The sums over lobes alone: the n × n problem of the energies, and its right side for each
     /// channel.
     fn linear_part(&self, n: usize) -> (Vec<f64>, [Vec<f64>; 3]) {
-        let gram = (0..n * n)
-            .map(|i| self.gram[4 * (i / n) * 4 * n + 4 * (i % n)])
-            .collect();
+        let gram = (0..n * n).map(|i| self.gram[4 * (i / n) * 4 * n + 4 * (i % n)]).collect();
         let moments = std::array::from_fn(|c| (0..n).map(|j| self.moments[4 * j][c]).collect());
         (gram, moments)
     }
@@ -280,11 +256,7 @@ impl NormalEquations {
             .collect();
         // Each unknown: where its step goes, its column, and its RGB factor.
         let mut unknowns: Vec<(usize, usize, [f64; 3])> = Vec::with_capacity(6 * n);
-        for (j, lobe) in lobes
-            .iter()
-            .enumerate()
-            .filter(|(_, lobe)| !lobe.is_black())
-        {
+        for (j, lobe) in lobes.iter().enumerate().filter(|(_, lobe)| !lobe.is_black()) {
             let motions = if lobe.width_is_fixed { 2 } else { 3 };
             unknowns.extend((0..motions).map(|a| (3 * j + a, 4 * j + 1 + a, lobe.energy)));
         }
@@ -356,34 +328,21 @@ impl<'a> Fitter<'a> {
                 let blurred = map.blurred(lambda);
                 let scale = (weight * 2.0 * TAU / count as f64 / blurred.squared_norm()).sqrt();
                 let directions = fibonacci_sphere(count);
-                let target = blurred
-                    .at(&directions)
-                    .iter()
-                    .map(|rgb| rgb.map(|v| v * scale))
-                    .collect();
-                View {
-                    kappa: sharpness(lambda),
-                    directions,
-                    target,
-                    scale: scale * total_energy,
-                }
+                let target =
+                    blurred.at(&directions).iter().map(|rgb| rgb.map(|v| v * scale)).collect();
+                View { kappa: sharpness(lambda), directions, target, scale: scale * total_energy }
             })
             .collect();
         let lobes = START_LAMBDAS.map(|lambda| BlurredLobe::new(sharpness(lambda), views[0].kappa));
         let start_profiles: Vec<_> = (0..START_PROFILE_STEPS)
             .map(|i| {
                 let versine = 2.0 * (i as f64 + 0.5) / START_PROFILE_STEPS as f64;
-                lobes
-                    .each_ref()
-                    .map(|lobe| (views[0].scale * lobe.value(versine)) as f32)
+                lobes.each_ref().map(|lobe| (views[0].scale * lobe.value(versine)) as f32)
             })
             .collect();
         // The samples' mean of a zonal function is its mean over the cosine.
         let start_norms = std::array::from_fn(|w| {
-            let squares = start_profiles
-                .iter()
-                .map(|p| (p[w] as f64).powi(2))
-                .sum::<f64>();
+            let squares = start_profiles.iter().map(|p| (p[w] as f64).powi(2)).sum::<f64>();
             squares * views[0].directions.len() as f64 / START_PROFILE_STEPS as f64
         });
         let norm_squared = map.blurred(VIEWS[0].0).squared_norm();
@@ -406,9 +365,7 @@ impl<'a> Fitter<'a> {
         // A step costs n²; many lights get fewer steps.
         let scaled = |steps: usize| (steps * 64).div_ceil(n.max(64));
         let [batch, all, round, end] = [STEPS.batch, STEPS.all, STEPS.round, STEPS.end].map(scaled);
-        let sizes: Vec<usize> = (1..=BATCHES.min(n))
-            .map(|i| i * n / BATCHES.min(n))
-            .collect();
+        let sizes: Vec<usize> = (1..=BATCHES.min(n)).map(|i| i * n / BATCHES.min(n)).collect();
         let growth: usize = sizes.iter().map(|size| size * size * batch).sum();
         self.work_planned = growth + n * n * (all + ROUNDS * round + end);
 
@@ -434,32 +391,18 @@ impl<'a> Fitter<'a> {
             }
         }
         lobes.retain(|lobe| !lobe.is_black());
-        lobes.sort_by(|a, b| {
-            b.energy
-                .iter()
-                .sum::<f64>()
-                .total_cmp(&a.energy.iter().sum())
-        });
+        lobes.sort_by(|a, b| b.energy.iter().sum::<f64>().total_cmp(&a.energy.iter().sum()));
         self.choose_narrow_widths(&mut lobes);
         self.refine(&mut lobes, end)?;
         lobes.retain(|lobe| !lobe.is_black());
-        lobes.sort_by(|a, b| {
-            b.energy
-                .iter()
-                .sum::<f64>()
-                .total_cmp(&a.energy.iter().sum())
-        });
+        lobes.sort_by(|a, b| b.energy.iter().sum::<f64>().total_cmp(&a.energy.iter().sum()));
         Ok(lobes.iter().map(|lobe| self.light(lobe)).collect())
     }
 
     fn light(&self, lobe: &Lobe) -> SrbfLight {
         let lambda = lobe.log_lambda.exp();
         let peak = self.total_energy / lobe_integral(lambda);
-        SrbfLight {
-            direction: lobe.direction,
-            lambda,
-            rgb: lobe.energy.map(|v| v * peak),
-        }
+        SrbfLight { direction: lobe.direction, lambda, rgb: lobe.energy.map(|v| v * peak) }
     }
 
     /// Gives each narrow lobe, the strongest first, the bandwidth of least error against the map
@@ -476,10 +419,8 @@ impl<'a> Fitter<'a> {
             if lobes[j].log_lambda >= NARROW_LAMBDA.ln() {
                 continue;
             }
-            let others: Vec<SrbfLight> = (0..lobes.len())
-                .filter(|&k| k != j)
-                .map(|k| self.light(&lobes[k]))
-                .collect();
+            let others: Vec<SrbfLight> =
+                (0..lobes.len()).filter(|&k| k != j).map(|k| self.light(&lobes[k])).collect();
             let own_bands = seen_bands(lobes[j].log_lambda);
             let share =
                 lobes[j].energy.iter().map(|v| v * v).sum::<f64>() * self.energy_to_norm_squared;
@@ -492,24 +433,16 @@ impl<'a> Fitter<'a> {
                 if change > NARROW_CHANGE * NARROW_CHANGE {
                     return (f64::INFINITY, lobes[j].log_lambda);
                 }
-                let light = self.light(&Lobe {
-                    log_lambda,
-                    ..lobes[j]
-                });
+                let light = self.light(&Lobe { log_lambda, ..lobes[j] });
                 let missed = map_product(self.env, &light) - lights_product(&[light], &others);
-                (
-                    lights_product(&[light], &[light]) - 2.0 * missed,
-                    log_lambda,
-                )
+                (lights_product(&[light], &[light]) - 2.0 * missed, log_lambda)
             };
             let choices: Vec<(f64, f64)> = (0..NARROW_CHOICES)
                 .into_par_iter()
                 .map(|i| choose(low + (high - low) * i as f64 / (NARROW_CHOICES - 1) as f64))
                 .collect();
-            let best = choices
-                .iter()
-                .min_by(|a, b| a.0.total_cmp(&b.0))
-                .expect("there are choices");
+            let best =
+                choices.iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are choices");
             lobes[j].log_lambda = best.1;
             lobes[j].width_is_fixed = true;
         }
@@ -527,11 +460,7 @@ impl<'a> Fitter<'a> {
                 continue;
             };
             let (motions, energies) = step.split_at(3 * lobes.len());
-            let changes = motions
-                .as_chunks::<3>()
-                .0
-                .iter()
-                .zip(energies.as_chunks::<3>().0);
+            let changes = motions.as_chunks::<3>().0.iter().zip(energies.as_chunks::<3>().0);
             let mut trial: Vec<Lobe> = lobes
                 .iter()
                 .zip(changes)
@@ -561,10 +490,8 @@ impl<'a> Fitter<'a> {
 
     fn normal_equations(&self, lobes: &[Lobe]) -> NormalEquations {
         let n = lobes.len();
-        let groups: Vec<NormalEquations> = (0..GROUPS)
-            .into_par_iter()
-            .map(|group| self.group_equations(lobes, group))
-            .collect();
+        let groups: Vec<NormalEquations> =
+            (0..GROUPS).into_par_iter().map(|group| self.group_equations(lobes, group)).collect();
         let mut sum = NormalEquations::zero(n);
         for group in &groups {
             for (sum, term) in sum.gram.iter_mut().zip(&group.gram) {
@@ -606,13 +533,8 @@ impl<'a> Fitter<'a> {
                 column.extend(view.directions[range.clone()].iter().map(|&omega| {
                     let versine = 0.5 * (omega - lobe.direction).length_squared();
                     let [value, by_cosine, by_log_lambda] = blurred.value_and_derivatives(versine);
-                    [
-                        value,
-                        by_cosine * u.dot(omega),
-                        by_cosine * v.dot(omega),
-                        by_log_lambda,
-                    ]
-                    .map(|v| v * view.scale)
+                    [value, by_cosine * u.dot(omega), by_cosine * v.dot(omega), by_log_lambda]
+                        .map(|v| v * view.scale)
                 }));
             }
             targets.extend_from_slice(&view.target[range]);
@@ -645,10 +567,8 @@ impl<'a> Fitter<'a> {
     /// Adds `count` lobes, each where it lowers the squared error of the first view most.
     fn add_lobes(&self, lobes: &mut Vec<Lobe>, count: usize) {
         let view = &self.views[0];
-        let blurred: Vec<_> = lobes
-            .iter()
-            .map(|lobe| BlurredLobe::new(lobe.sharpness(), view.kappa))
-            .collect();
+        let blurred: Vec<_> =
+            lobes.iter().map(|lobe| BlurredLobe::new(lobe.sharpness(), view.kappa)).collect();
         let residual: Vec<[f32; 3]> = view
             .directions
             .par_iter()
@@ -676,9 +596,7 @@ impl<'a> Fitter<'a> {
                     break;
                 }
                 let lobe = candidate.lobe;
-                if chosen
-                    .iter()
-                    .all(|other| other.direction.distance(lobe.direction) > separation)
+                if chosen.iter().all(|other| other.direction.distance(lobe.direction) > separation)
                 {
                     chosen.push(lobe);
                 }
@@ -712,9 +630,7 @@ impl<'a> Fitter<'a> {
                 },
             }
         });
-        candidates
-            .max_by(|a, b| a.gain.total_cmp(&b.gain))
-            .expect("there are start widths")
+        candidates.max_by(|a, b| a.gain.total_cmp(&b.gain)).expect("there are start widths")
     }
 
     /// Takes out the `count` lobes that the others can best do without (black ones first).
@@ -730,19 +646,11 @@ impl<'a> Fitter<'a> {
         };
         // Without light j the error grows by e_j² / (G⁻¹)_jj, were energies free to turn negative.
         let mut costs: Vec<(f64, usize)> = (0..n)
-            .map(|j| {
-                (
-                    lobes[j].energy.iter().map(|v| v * v).sum::<f64>() / inverse[j],
-                    j,
-                )
-            })
+            .map(|j| (lobes[j].energy.iter().map(|v| v * v).sum::<f64>() / inverse[j], j))
             .collect();
         costs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut removed: Vec<usize> = costs
-            .iter()
-            .take(count.min(n - 1))
-            .map(|&(_, j)| j)
-            .collect();
+        let mut removed: Vec<usize> =
+            costs.iter().take(count.min(n - 1)).map(|&(_, j)| j).collect();
         removed.sort_unstable();
         for j in removed.into_iter().rev() {
             lobes.remove(j);

@@ -106,19 +106,12 @@ fn index(l: usize, m: isize) -> usize {
 
 /// 1 for m = 0, else √2: the factor of the real harmonics.
 fn real_factor(m: usize) -> f64 {
-    if m == 0 {
-        1.0
-    } else {
-        std::f64::consts::SQRT_2
-    }
+    if m == 0 { 1.0 } else { std::f64::consts::SQRT_2 }
 }
 
 impl Harmonics {
     fn zero(band: usize) -> Self {
-        Self {
-            band,
-            coefficients: vec![[0.0; 3]; (band + 1) * (band + 1)],
-        }
+        Self { band, coefficients: vec![[0.0; 3]; (band + 1) * (band + 1)] }
     }
 
     fn add(&mut self, other: &Self) {
@@ -161,11 +154,8 @@ impl Harmonics {
                         let mirror = width - 1 - x;
                         for c in 0..3 {
                             let (a, b) = (row[x][c] as f64, row[mirror][c] as f64);
-                            let (a_plus_b, a_minus_b) = if x == mirror {
-                                (a, 0.0)
-                            } else {
-                                (a + b, a - b)
-                            };
+                            let (a_plus_b, a_minus_b) =
+                                if x == mirror { (a, 0.0) } else { (a + b, a - b) };
                             planes[c][x] = a_plus_b;
                             planes[3 + c][x] = a_minus_b;
                         }
@@ -237,11 +227,7 @@ impl Harmonics {
     /// ∫ |f − g|² dω summed over RGB; both must have the same band.
     pub(super) fn squared_distance(&self, other: &Self) -> f64 {
         assert_eq!(self.band, other.band);
-        let pairs = self
-            .coefficients
-            .iter()
-            .flatten()
-            .zip(other.coefficients.iter().flatten());
+        let pairs = self.coefficients.iter().flatten().zip(other.coefficients.iter().flatten());
         pairs.map(|(a, b)| (a - b) * (a - b)).sum()
     }
 

@@ -46,36 +46,16 @@ pub fn from_json(json: &str) -> Result<Vec<SrbfLight>> {
     let read: LightsJson =
         serde_json::from_str(json).map_err(|e| anyhow!("not a list of lights: {e}"))?;
     let count = read.lights.len();
-    ensure!(
-        (1..=MAX_LIGHTS).contains(&count),
-        "{count} lights: give 1 to {MAX_LIGHTS}"
-    );
+    ensure!((1..=MAX_LIGHTS).contains(&count), "{count} lights: give 1 to {MAX_LIGHTS}");
     let convert = |(i, light): (usize, LightJson)| {
         let direction = DVec3::from_array(light.direction);
         let length = direction.length();
-        ensure!(
-            length > 0.0 && length.is_finite(),
-            "light {i}: direction must not be zero"
-        );
-        ensure!(
-            (1e-3..=1e3).contains(&light.lambda),
-            "light {i}: lambda must be 0.001 to 1000"
-        );
-        ensure!(
-            light.rgb.iter().all(|v| *v >= 0.0),
-            "light {i}: rgb must not be negative"
-        );
+        ensure!(length > 0.0 && length.is_finite(), "light {i}: direction must not be zero");
+        ensure!((1e-3..=1e3).contains(&light.lambda), "light {i}: lambda must be 0.001 to 1000");
+        ensure!(light.rgb.iter().all(|v| *v >= 0.0), "light {i}: rgb must not be negative");
         // What is a unit vector already keeps its bits.
-        let direction = if (length - 1.0).abs() < 1e-12 {
-            direction
-        } else {
-            direction / length
-        };
-        Ok(SrbfLight {
-            direction,
-            lambda: light.lambda,
-            rgb: light.rgb,
-        })
+        let direction = if (length - 1.0).abs() < 1e-12 { direction } else { direction / length };
+        Ok(SrbfLight { direction, lambda: light.lambda, rgb: light.rgb })
     };
     read.lights.into_iter().enumerate().map(convert).collect()
 }

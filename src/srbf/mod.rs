@@ -64,11 +64,7 @@ pub fn preview(lights: &[SrbfLight], width: usize, height: usize) -> Environment
         .iter()
         .map(|&omega| radiance(lights, omega).map(|v| v as f32))
         .collect();
-    Environment {
-        width,
-        height,
-        pixels,
-    }
+    Environment { width, height, pixels }
 }
 
 /// The map blurred by the lobe of bandwidth λ ≥ 0.02 scaled to unit integral, at the pixel centres
@@ -79,22 +75,12 @@ pub fn blur_map(
     width: usize,
     height: usize,
 ) -> Result<Environment> {
-    ensure!(
-        lambda >= 0.02,
-        "cannot blur by λ = {lambda}: choose 0.02 or more"
-    );
+    ensure!(lambda >= 0.02, "cannot blur by λ = {lambda}: choose 0.02 or more");
     let blurred = Harmonics::of_map(env, band_of_blur(lambda)).blurred(lambda);
     let radiances = blurred.at(&pixel_directions(width, height));
     // The cut-off series rings by 1e-9 about black.
-    let pixels = radiances
-        .iter()
-        .map(|rgb| rgb.map(|v| v.max(0.0) as f32))
-        .collect();
-    Ok(Environment {
-        width,
-        height,
-        pixels,
-    })
+    let pixels = radiances.iter().map(|rgb| rgb.map(|v| v.max(0.0) as f32)).collect();
+    Ok(Environment { width, height, pixels })
 }
 
 fn pixel_directions(width: usize, height: usize) -> Vec<DVec3> {

@@ -94,7 +94,8 @@ pub fn sample_lobe(light: &SrbfLight, count: usize) -> Vec<DVec3> {
         .map(|k| {
             let u = (k as f64 + 0.5) / count as f64;
             // 1 − cos γ from the distribution of exp(2(cos γ − 1)/λ²), without cancelling for small λ.
-            let drop = (-half_lambda2 * (u * (-2.0 / half_lambda2).exp_m1()).ln_1p()).clamp(0.0, 2.0);
+            let drop =
+                (-half_lambda2 * (u * (-2.0 / half_lambda2).exp_m1()).ln_1p()).clamp(0.0, 2.0);
             let sin = (drop * (2.0 - drop)).sqrt();
             let (s, c) = (golden * k as f64 % TAU).sin_cos();
             (light.direction * (1.0 - drop) + (tangent * c + bitangent * s) * sin).normalize()
@@ -128,7 +129,8 @@ impl Way {
 impl Occluders<'_> {
     fn ways(&self, directions: &[DVec3]) -> impl Iterator<Item = Way> {
         let head = self.head.map(|head| {
-            let cells: Vec<Vec3> = head.positions.iter().map(|&p| self.volume.to_cells(p)).collect();
+            let cells: Vec<Vec3> =
+                head.positions.iter().map(|&p| self.volume.to_cells(p)).collect();
             let low = cells.iter().copied().fold(Vec3::INFINITY, Vec3::min);
             let high = cells.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
             (cells, &head.triangles, HEAD_BIAS * 0.5 * (high - low).min_element())
@@ -147,7 +149,8 @@ impl Occluders<'_> {
     pub fn reach(&self, light: &SrbfLight, points: &[Vec3]) -> (Vec<Reach>, Vec<Vec3>) {
         let directions = lobe_directions(light);
         let weight = 1.0 / directions.len() as f32;
-        let irradiance = Vec3::from(light.rgb.map(|c| (c * lobe_integral(light.lambda)) as f32)) * weight;
+        let irradiance =
+            Vec3::from(light.rgb.map(|c| (c * lobe_integral(light.lambda)) as f32)) * weight;
         let mut means = vec![Reach::default(); points.len()];
         let vertices = self.head.map_or(&[][..], |head| &head.positions);
         let normals = self.head.map_or(&[][..], |head| &head.normals);

@@ -40,7 +40,8 @@ impl<'a> RealStrands<'a> {
             .collect();
         let triangles: Vec<Triangle> = head.map_or(Vec::new(), |head| {
             let corner = |i: u32| Vec3A::from(head.positions[i as usize]);
-            let triangle = |t: &[u32; 3]| Triangle { v0: corner(t[0]), v1: corner(t[1]), v2: corner(t[2]) };
+            let triangle =
+                |t: &[u32; 3]| Triangle { v0: corner(t[0]), v1: corner(t[1]), v2: corner(t[2]) };
             head.triangles.iter().map(triangle).collect()
         });
         let build = BvhBuildParams::fast_build;
@@ -60,7 +61,8 @@ impl<'a> RealStrands<'a> {
                 return f32::INFINITY;
             }
             let radius = 0.25 * (self.diameters[s] + self.diameters[s + 1]);
-            let gap = ray_segment_distance(origin, omega, self.hair.points[s], self.hair.points[s + 1]);
+            let gap =
+                ray_segment_distance(origin, omega, self.hair.points[s], self.hair.points[s + 1]);
             if gap < radius { 0.0 } else { f32::INFINITY }
         });
         clear
@@ -97,8 +99,8 @@ impl<'a> RealStrands<'a> {
         open as f64 / directions.len() as f64
     }
 
-    /// Mean |ΔT̃| of the packed reach over up to `pairs` (point, light) pairs drawn evenly from `points`.
-    /// `reach[j][i]`, as from [`super::transport`]; lights in the world frame.
+    /// Mean |ΔT̃| over up to `pairs` pairs of a point and a light, drawn evenly: `reach[j][k]` is what
+    /// [`super::transport`] gave for light j at point `points[k]`; lights in the world frame.
     pub fn mean_abs_delta_t(
         &self,
         points: &[u32],
@@ -106,33 +108,34 @@ impl<'a> RealStrands<'a> {
         reach: &[Vec<u32>],
         pairs: usize,
     ) -> f64 {
-        let total = points.len() * lights.len();
-        let count = pairs.min(total);
+        let count = pairs.min(points.len() * lights.len());
         if count == 0 {
             return 0.0;
         }
-        // A stride that shares no factor with the light count visits points and lights alike.
-        let errors: f64 = (0..count)
+        let errors: Vec<f64> = (0..count)
             .into_par_iter()
-            .map(|k| {
-                let i = points[(k as u64 * points.len() as u64 / count as u64) as usize] as usize;
-                let j = (k as u64 * 2_654_435_761 % lights.len() as u64) as usize;
-                let exact = self.transmittance(i, &lights[j], 1024);
-                (f64::from(Reach::unpack(reach[j][i]).direct) - exact).abs()
+            .map(|pair| {
+                let k = (pair as u64 * points.len() as u64 / count as u64) as usize;
+                // A multiplicative hash, so that neighbours along a strand meet different lights.
+                let j = ((pair as u64 * 2_654_435_761 >> 16) % lights.len() as u64) as usize;
+                let exact = self.transmittance(points[k] as usize, &lights[j], RAYS);
+                (f64::from(Reach::unpack(reach[j][k]).direct) - exact).abs()
             })
-            .collect::<Vec<f64>>()
-            .iter()
-            .sum();
-        errors / count as f64
+            .collect();
+        errors.iter().sum::<f64>() / count as f64
     }
 }
+
+/// Rays for one T̃: their own noise is 0.016 at most.
+const RAYS: usize = 1024;
 
 /// Least distance between the ray from `o` along unit `d` and the segment `a`…`b`.
 fn ray_segment_distance(o: Vec3, d: Vec3, a: Vec3, b: Vec3) -> f32 {
     let (edge, to) = (b - a, o - a);
     let (ee, de, dt, et) = (edge.dot(edge), d.dot(edge), d.dot(to), edge.dot(to));
     let denominator = ee - de * de;
-    let mut s = if denominator > 1e-9 * ee { ((et - de * dt) / denominator).clamp(0.0, 1.0) } else { 0.5 };
+    let mut s =
+        if denominator > 1e-9 * ee { ((et - de * dt) / denominator).clamp(0.0, 1.0) } else { 0.5 };
     let t = (s * de - dt).max(0.0);
     if ee > 0.0 {
         s = ((et + t * de) / ee).clamp(0.0, 1.0);

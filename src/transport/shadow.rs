@@ -51,7 +51,8 @@ impl HeadShadow {
         let p = corners.map(|c| {
             [(c[0] - self.first[0]) * self.scale, (c[1] - self.first[1]) * self.scale, c[2]]
         });
-        let area = (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) - (p[2][0] - p[0][0]) * (p[1][1] - p[0][1]);
+        let area =
+            (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) - (p[2][0] - p[0][0]) * (p[1][1] - p[0][1]);
         if area.abs() < 1e-12 {
             return;
         }

@@ -57,15 +57,18 @@ impl Volume {
             let f = q - base;
             for corner in 0..8usize {
                 let [i, j, k] = [corner & 1, (corner >> 1) & 1, corner >> 2];
-                let [x, y, z] =
-                    [base.x as isize + i as isize, base.y as isize + j as isize, base.z as isize + k as isize];
-                let inside = [x, y, z].iter().zip(self.dims).all(|(&c, n)| c >= 0 && c < n as isize);
+                let [x, y, z] = [
+                    base.x as isize + i as isize,
+                    base.y as isize + j as isize,
+                    base.z as isize + k as isize,
+                ];
+                let inside =
+                    [x, y, z].iter().zip(self.dims).all(|(&c, n)| c >= 0 && c < n as isize);
                 if inside {
-                    let w = weight
-                        * [1.0 - f.x, f.x][i]
-                        * [1.0 - f.y, f.y][j]
-                        * [1.0 - f.z, f.z][k];
-                    let index = (z as usize * self.dims[1] + y as usize) * self.dims[0] + x as usize;
+                    let w =
+                        weight * [1.0 - f.x, f.x][i] * [1.0 - f.y, f.y][j] * [1.0 - f.z, f.z][k];
+                    let index =
+                        (z as usize * self.dims[1] + y as usize) * self.dims[0] + x as usize;
                     for (s, u) in self.cells[index].iter_mut().zip(tensor) {
                         *s += w * u;
                     }
