@@ -64,7 +64,7 @@ pub fn grow(style: &str, options: &GroomOptions) -> Result<Hair> {
 
     let groom = Groom::new(style, options, clump, flyaway);
     let roots = scatter_roots(options.strands, options.seed, ROOTS);
-    let n = groom.style.points;
+    let n = groom.guides.style.points;
     let mut points = vec![Vec3::ZERO; options.strands * n];
     points
         .par_chunks_mut(n)
@@ -139,7 +139,7 @@ impl Style {
             length_variation: 0.16,
             fall: Fall::Free,
             part_x: 0.0,
-            sweep_back: 1.0,
+            sweep_back: 0.4,
             lift: 0.30,
             volume: 0.012,
             stiffness: 0.022,
@@ -161,12 +161,11 @@ impl Style {
                 length: 0.35,
                 length_variation: 0.2,
                 part_x: 0.022,
-                sweep_back: 0.5,
                 lift: 0.42,
                 volume: 0.018,
                 wave_radius: 0.0115,
                 wave_pitch: 0.088,
-                wave_flatness: 0.85,
+                wave_flatness: 0.5,
                 wave_jitter: 0.025,
                 wave_spread: 0.10,
                 gather: 0.4,
@@ -181,7 +180,7 @@ impl Style {
                 length: 0.215,
                 length_variation: 0.3,
                 part_x: 0.012,
-                sweep_back: -0.3,
+                sweep_back: -0.45,
                 lift: 0.62,
                 volume: 0.030,
                 stiffness: 0.030,
@@ -202,7 +201,7 @@ impl Style {
                 length: 0.36,
                 length_variation: 0.03,
                 fall: Fall::Cut { height: -0.105 },
-                sweep_back: -1.8,
+                sweep_back: -1.2,
                 lift: 0.34,
                 volume: 0.014,
                 wave_radius: 0.0015,
@@ -230,6 +229,8 @@ impl Style {
     }
 }
 
+/// Where a cut style's length is counted from.
+const HAIRLINE_HEIGHT: f32 = 0.075;
 /// Middle of the ponytail's tie, and the radius of the bundle in it.
 const TIE: Vec3 = vec3(0.0, 0.062, -0.124);
 const TIE_RADIUS: f32 = 0.013;
@@ -237,7 +238,6 @@ const TIE_RADIUS: f32 = 0.013;
 const TIE_AT: f32 = 0.36;
 /// Least height of hair over skin, away from the root.
 const GAP: f32 = 0.0022;
-/// Guides are this many; their points are as many as their strands'.
 const GUIDES: usize = 700;
 const LOCKS: usize = 260;
 
@@ -263,74 +263,47 @@ struct Clump {
     phase: f32,
     pitch: f32,
     radius: f32,
-    /// 1 or −1: which way its helix winds.
+    /// 1 or −1: which way its helix winds; as one where phases agree.
     hand: f32,
     /// The lock that a wisp belongs to; its own index for a lock.
     lock: usize,
 }
 
-struct Groom {
+struct Guides {
     style: Style,
+    guides: Vec<Guide>,
+    grid: RootGrid,
+}
+
+struct Groom {
+    guides: Guides,
     seed: u64,
     curl: f32,
     clump: f32,
     flyaway: f32,
-    guides: Vec<Guide>,
     locks: Vec<Clump>,
     wisps: Vec<Clump>,
     wisp_grid: RootGrid,
-    guide_grid: RootGrid,
 }
 
-impl Groom {
-    fn new(mut style: Style, options: &GroomOptions, clump: f32, flyaway: f32) -> Self {
-        style.length *= options.length;
-        if let Fall::Cut { height } = &mut style.fall {
-            *height = 0.075 + (*height - 0.075) * options.length;
-        }
-        let seed = options.seed;
-        let guides: Vec<Guide> = scatter_roots(GUIDES, seed, GUIDE)
-            .into_par_iter()
-            .enumerate()
+impl Guides {
+    fn grow(style: Style, seed: u64) -> Self {
+        let grown = scatter_roots(GUIDES, seed, GUIDE).into_par_iter().enumerate();
+        let guides: Vec<Guide> = grown
             .map(|(i, root)| grow_guide(&style, root, &mut Rng::new(seed, GUIDE, i)))
             .collect();
-        let guide_grid = RootGrid::new(guides.iter().map(|g| g.root));
-        let mut groom = Self {
-            style,
-            seed,
-            curl: options.curl,
-            clump,
-            flyaway,
-            guides,
-            guide_grid,
-            locks: vec![],
-            wisps: vec![],
-            wisp_grid: RootGrid::new([].into_iter()),
-        };
-        groom.locks = groom.clumps(LOCKS, LOCK);
-        let lock_grid = RootGrid::new(groom.locks.iter().map(|c| c.root));
-        let mut wisps = groom.clumps(style.wisps, WISP);
-        for wisp in &mut wisps {
-            let [lock, ..] =
-                nearest_alike(&lock_grid, wisp.root, wisp.comb, |i| &groom.locks[i].comb);
-            let owner = &groom.locks[lock.0];
-            wisp.lock = lock.0;
-            wisp.phase = owner.phase + style.wave_spread * (wisp.phase - 0.5);
-            wisp.hand = owner.hand;
-            wisp.pitch = owner.pitch * (1.0 + 0.25 * (wisp.pitch - 1.0));
-        }
-        groom.wisps = wisps;
-        groom.wisp_grid = RootGrid::new(groom.wisps.iter().map(|c| c.root));
-        groom
+        let grid = RootGrid::new(guides.iter().map(|g| g.root));
+        Self { style, guides, grid }
     }
 
-    fn clumps(&self, count: usize, purpose: u64) -> Vec<Clump> {
-        let grown = scatter_roots(count, self.seed, purpose).into_par_iter().enumerate().map(
-            |(i, root)| {
-                let mut rng = Rng::new(self.seed, purpose, i);
+    /// Clump centres; each its own lock, until wisps are given theirs.
+    fn clumps(&self, count: usize, seed: u64, purpose: u64) -> Vec<Clump> {
+        let grown =
+            scatter_roots(count, seed, purpose).into_par_iter().enumerate().map(|(i, root)| {
+                let mut rng = Rng::new(seed, purpose, i);
                 let mut points = vec![Vec3::ZERO; self.style.points];
                 let comb = comb(&self.style, root);
-                self.blend_guides(root, comb, 1.0, &mut points);
+                self.blend(root, comb, 1.0, &mut points);
                 // Neighbouring locks wave alike, or waves blur into fuzz.
                 let drift =
                     0.5 * (root.x * 31.0).sin() + 0.5 * (root.z * 27.0 + root.y * 19.0).sin();
@@ -341,18 +314,17 @@ impl Groom {
                     phase: drift * 0.6 + self.style.wave_spread * rng.unit(),
                     pitch: 1.0 + 0.16 * rng.signed(),
                     radius: 1.0 + 0.3 * rng.signed(),
-                    hand: rng.signed().signum(),
+                    hand: (rng.unit() - 0.5 * self.style.wave_spread).signum(),
                     lock: i,
                 }
-            },
-        );
+            });
         grown.collect()
     }
 
     /// Blends the three nearest guides that are combed alike, each moved to start at `root`, up to the share
     /// `extent` of their length.
-    fn blend_guides(&self, root: Vec3, comb: Vec3, extent: f32, out: &mut [Vec3]) {
-        let nearest = nearest_alike(&self.guide_grid, root, comb, |i| &self.guides[i].comb);
+    fn blend(&self, root: Vec3, comb: Vec3, extent: f32, out: &mut [Vec3]) {
+        let nearest = nearest_alike(&self.grid, root, comb, |i| self.guides[i].comb);
         let weights = nearest.map(|(_, d2)| 1.0 / (d2 + 4e-6));
         let total: f32 = weights.iter().sum();
         let last = (out.len() - 1) as f32;
@@ -368,18 +340,44 @@ impl Groom {
             }
         }
     }
+}
+
+impl Groom {
+    fn new(mut style: Style, options: &GroomOptions, clump: f32, flyaway: f32) -> Self {
+        style.length *= options.length;
+        if let Fall::Cut { height } = &mut style.fall {
+            *height = HAIRLINE_HEIGHT + (*height - HAIRLINE_HEIGHT) * options.length;
+        }
+        let seed = options.seed;
+        let guides = Guides::grow(style, seed);
+        let locks = guides.clumps(LOCKS, seed, LOCK);
+        let lock_grid = RootGrid::new(locks.iter().map(|c| c.root));
+        let mut wisps = guides.clumps(style.wisps, seed, WISP);
+        for wisp in &mut wisps {
+            let [(lock, _), ..] =
+                nearest_alike(&lock_grid, wisp.root, wisp.comb, |i| locks[i].comb);
+            let owner = &locks[lock];
+            wisp.lock = lock;
+            wisp.phase = owner.phase + style.wave_spread * (wisp.phase - 0.5);
+            wisp.hand = owner.hand;
+            wisp.pitch = owner.pitch * (1.0 + 0.25 * (wisp.pitch - 1.0));
+        }
+        let wisp_grid = RootGrid::new(wisps.iter().map(|c| c.root));
+        let curl = options.curl;
+        Self { guides, seed, curl, clump, flyaway, locks, wisps, wisp_grid }
+    }
 
     fn strand(&self, index: usize, root: Vec3, out: &mut [Vec3]) {
-        let style = &self.style;
+        let style = &self.guides.style;
         let mut rng = Rng::new(self.seed, STRAND, index);
         let comb = comb(style, root);
         let extent = 1.0 - style.length_variation * rng.unit() * rng.unit();
         let stray = rng.unit() < self.flyaway;
         let extent = if stray { extent * (0.55 + 0.4 * rng.unit()) } else { extent };
-        self.blend_guides(root, comb, extent, out);
+        self.guides.blend(root, comb, extent, out);
 
-        let [wisp, ..] = nearest_alike(&self.wisp_grid, root, comb, |i| &self.wisps[i].comb);
-        let wisp = &self.wisps[wisp.0];
+        let [(wisp, _), ..] = nearest_alike(&self.wisp_grid, root, comb, |i| self.wisps[i].comb);
+        let wisp = &self.wisps[wisp];
         let lock = &self.locks[wisp.lock];
         let clump = if stray { 0.3 * self.clump } else { self.clump };
         let last = (out.len() - 1) as f32;
@@ -473,7 +471,9 @@ fn grow_falling(style: &Style, root: Vec3, comb: Vec3, rng: &mut Rng) -> Vec<Vec
     let close = if fringe { 0.45 } else { 1.0 };
     let lift = close * style.lift * (1.0 + 0.25 * rng.signed());
     let volume = close * style.volume * (1.0 + 0.25 * rng.signed());
-    let length = style.length * (1.0 + 0.06 * rng.signed());
+    // Hair of the nape has less far to fall to the common edge.
+    let shorter = 0.3 * smoothstep((0.02 - root.y) / 0.1);
+    let length = style.length * (1.0 - shorter + 0.06 * rng.signed());
     let ragged = 0.0035 * rng.signed();
     let cut = |p: Vec3| match style.fall {
         // The fringe ends at the brow, and frames the face beside the eyes.
@@ -487,9 +487,9 @@ fn grow_falling(style: &Style, root: Vec3, comb: Vec3, rng: &mut Rng) -> Vec<Vec
     let mut direction = (comb * (1.0 - lift) + normal * lift).normalize_or(normal);
     let mut points = vec![root];
     let (mut p, mut travelled, mut over_skin) = (root, 0.0, 0.0);
-    while travelled < length && p.y > cut(p) {
-        let near = skin().distance(p);
-        let normal = skin().normal(p);
+    while points.len() < 3 || (travelled < length && p.y > cut(p)) {
+        let (near, gradient) = skin().query(p);
+        let normal = gradient.normalize_or(Vec3::Y);
         // Over the head hair follows the comb, tangentially; below it, gravity.
         let top =
             if fringe { smoothstep((p.y - 0.055) / 0.05) } else { smoothstep((p.y - 0.01) / 0.07) };
@@ -506,7 +506,7 @@ fn grow_falling(style: &Style, root: Vec3, comb: Vec3, rng: &mut Rng) -> Vec<Vec
             // Hair parts over the shoulder, to the chest or to the back, rather than lie on it.
             Fall::Free if p.y < -0.10 && near < 0.06 => {
                 let forward = if root.z > -0.005 { 1.0 } else { -1.0 };
-                target += vec3(-0.25 * p.x.signum(), 0.0, forward)
+                target += vec3(-0.1 * p.x.signum(), 0.0, forward)
                     * (1.2 * smoothstep((0.06 - near) / 0.06));
             }
             _ => target += inward * (0.12 * smoothstep(-p.y / 0.05)),
@@ -591,7 +591,7 @@ fn comb(style: &Style, root: Vec3) -> Vec3 {
         // Aside from the parting, and back where the parting ends at the crown.
         let from_part = root.x - style.part_x;
         let behind_crown = 1.0 - smoothstep((root.z + 0.075) / 0.055);
-        let front = style.sweep_back * (0.35 + 3.0 * root.z.max(0.0));
+        let front = 0.2 + style.sweep_back * smoothstep(root.z / 0.04);
         let back = front + 2.2 * behind_crown;
         vec3(from_part / (from_part.abs() + 0.002 + 0.02 * behind_crown), 0.0, -back)
     };
@@ -620,11 +620,11 @@ fn keep_out(mut p: Vec3, gap: f32, face: bool) -> Vec3 {
         }
     }
     for _ in 0..2 {
-        let d = skin().distance(p);
-        if d >= gap {
+        let (distance, gradient) = skin().query(p);
+        if distance >= gap {
             break;
         }
-        p += skin().normal(p) * (gap - d);
+        p += gradient.normalize_or(Vec3::Y) * (gap - distance);
     }
     p
 }
@@ -660,13 +660,16 @@ fn root_candidate(i: usize, seed: u64, purpose: u64) -> Option<Vec3> {
     let ring = (1.0 - y * y).max(0.0).sqrt();
     let direction = vec3(s * ring, y, c * ring);
     let center = vec3(0.0, 0.015, -0.018);
-    let mut distance = 0.06;
-    for _ in 0..12 {
-        distance -= skin().distance(center + direction * distance);
+    let mut distance = 0.09;
+    let mut normal = direction;
+    for _ in 0..5 {
+        let (outside, gradient) = skin().query(center + direction * distance);
+        normal = gradient.normalize_or(direction);
+        distance -= outside / direction.dot(gradient).max(0.4);
     }
     let root = center + direction * distance;
     // Area of skin for a solid angle, against its largest value: even density over an uneven skull.
-    let facing = direction.dot(skin().normal(root)).max(0.2);
+    let facing = direction.dot(normal).max(0.2);
     let area = distance * distance / facing / 0.0165;
     // The hairline thins out over a centimetre.
     let density = smoothstep((scalp_depth(root) + 0.003 * rng.signed()) / 0.010);
@@ -748,7 +751,8 @@ impl Skin {
         let q = (p - HEAD_BOUNDS[0]) / SKIN_CELL;
         let last = Vec3::from_array(self.size.map(|n| (n - 1) as f32)) - 1e-3;
         let inside = q.clamp(Vec3::ZERO, last);
-        let (cell, f) = (inside.floor(), inside.fract());
+        let cell = inside.as_uvec3();
+        let f = inside - cell.as_vec3();
         let [nx, ny, _] = self.size;
         let base = (cell.z as usize * ny + cell.y as usize) * nx + cell.x as usize;
         let d = |x: usize, y: usize, z: usize| self.distance[base + (z * ny + y) * nx + x];
@@ -768,10 +772,6 @@ impl Skin {
         );
         let beyond = (q - inside) * SKIN_CELL;
         (mix(y0, y1, f.z) + beyond.length(), gradient / SKIN_CELL + beyond.normalize_or_zero())
-    }
-
-    fn distance(&self, p: Vec3) -> f32 {
-        self.query(p).0
     }
 
     fn normal(&self, p: Vec3) -> Vec3 {
@@ -818,9 +818,9 @@ impl RootGrid {
         let range = |k: usize| (c[k] - reach).max(0)..=(c[k] + reach).min(Self::SIZE[k] - 1);
         for z in range(2) {
             for y in range(1) {
-                let row = Self::index([*range(0).start(), y, z]);
-                let end = Self::index([*range(0).end(), y, z]);
-                for &i in &self.sorted[self.starts[row]..self.starts[end + 1]] {
+                let first = Self::index([*range(0).start(), y, z]);
+                let last = Self::index([*range(0).end(), y, z]);
+                for &i in &self.sorted[self.starts[first]..self.starts[last + 1]] {
                     visit(i as usize);
                 }
             }
@@ -830,11 +830,11 @@ impl RootGrid {
 
 /// The three nearest roots, with squared distances lengthened where the comb differs, so that strands from
 /// either side of a parting never mix. With fewer than three roots the last is repeated.
-fn nearest_alike<'a>(
+fn nearest_alike(
     grid: &RootGrid,
     root: Vec3,
     comb: Vec3,
-    comb_of: impl Fn(usize) -> &'a Vec3,
+    comb_of: impl Fn(usize) -> Vec3,
 ) -> [(usize, f32); 3] {
     let mut best = [(usize::MAX, f32::INFINITY); 3];
     for reach in [1, 2, 4, 18] {
@@ -855,9 +855,9 @@ fn nearest_alike<'a>(
     best
 }
 
-/// Smooth noise along a strand: three sines a coordinate.
+/// Smooth noise along a strand: two sines a coordinate.
 struct Noise {
-    phases: [Vec3; 3],
+    phases: [Vec3; 2],
 }
 
 impl Noise {
@@ -868,7 +868,7 @@ impl Noise {
     /// Of order 1; `t` is the share of the strand's length.
     fn at(&self, t: f32) -> Vec3 {
         let octave = |k: usize, turns: f32| ((self.phases[k] + turns * t) * TAU).map(f32::sin);
-        octave(0, 0.7) * 0.7 + octave(1, 1.6) * 0.25 + octave(2, 3.7) * 0.07
+        octave(0, 0.7) * 0.7 + octave(1, 1.9) * 0.3
     }
 }
 

@@ -117,7 +117,7 @@ impl<'a> RealStrands<'a> {
             .map(|pair| {
                 let k = (pair as u64 * points.len() as u64 / count as u64) as usize;
                 // A multiplicative hash, so that neighbours along a strand meet different lights.
-                let j = ((pair as u64 * 2_654_435_761 >> 16) % lights.len() as u64) as usize;
+                let j = (((pair as u64 * 2_654_435_761) >> 16) % lights.len() as u64) as usize;
                 let exact = self.transmittance(points[k] as usize, &lights[j], RAYS);
                 (f64::from(Reach::unpack(reach[j][k]).direct) - exact).abs()
             })
