@@ -32,7 +32,7 @@ use crate::transport::{self, Occluders, Transport};
 /// Diffuse reflectance of the head: warm clay.
 const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
 /// Automatic exposure brings the environment's mean luminance here.
-const EXPOSED_MEAN: f32 = 0.7;
+const EXPOSED_MEAN: f32 = 1.0;
 /// Pairs of a point and a light that `--verify` casts rays for.
 const VERIFIED_PAIRS: usize = 4096;
 

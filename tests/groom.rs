@@ -63,9 +63,9 @@ fn every_style_is_sound() {
         assert!(eyes < 0.001, "{style}: {eyes} of the points before the eyes");
 
         let roots: Vec<Vec3> = strands(&hair).map(|s| s[0]).collect();
-        // 3,000 roots over 0.07 m² lie about 5 mm apart.
+        // 3,000 roots over 0.07 m² lie about 5 mm apart; at most 6.5 mm from any spot when measured.
         let bald = widest_bald_spot(&roots, &head.positions);
-        assert!(bald < 0.014, "{style}: a bald spot of {bald} m");
+        assert!(bald < 0.009, "{style}: a bald spot of {bald} m");
 
         // The checks can fail: hair pushed into the head, over the face, and thinned at the crown.
         let pushed: Vec<Vec3> = hair.points.iter().map(|p| *p * Vec3::new(0.8, 1.0, 0.8)).collect();
@@ -73,7 +73,7 @@ fn every_style_is_sound() {
         let turned: Vec<Vec3> = hair.points.iter().map(|p| Vec3::new(p.x, p.y, -p.z)).collect();
         assert!(share_before_eyes(&turned) > 0.001, "{style}");
         let thinned: Vec<Vec3> = roots.into_iter().filter(|r| r.y < 0.105).collect();
-        assert!(widest_bald_spot(&thinned, &head.positions) > 0.014, "{style}");
+        assert!(widest_bald_spot(&thinned, &head.positions) > 0.009, "{style}");
     }
 }
 
@@ -164,7 +164,8 @@ fn the_head_is_a_closed_smooth_surface_of_human_size() {
     // Every directed edge is met by its reverse as often: no holes, one orientation.
     let open = edges.iter().filter(|&(&(a, b), n)| edges.get(&(b, a)) != Some(n)).count();
     assert_eq!(open, 0, "open edges");
-    // A head and bust: 4 to 5 litres and a good deal of shoulder; positive where faces point outward.
+    // A head and bust: 4 to 5 litres and a good deal of shoulder; positive where faces point
+    // outward.
     assert!((0.006..0.03).contains(&volume), "volume {volume} m³");
     let share = against as f32 / head.triangles.len() as f32;
     assert!(share < 0.005, "{share} of the triangles face against their normal");

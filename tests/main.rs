@@ -2,8 +2,11 @@
 
 mod cli;
 mod environment;
+mod frames;
+mod groom;
 mod hair;
 mod scattering;
 mod scene;
 mod srbf;
+mod transport;
 mod wgsl;

@@ -1,14 +1,16 @@
 //! Builtin grooms: strands grown on the builtin head, in metres.
 //!
-//! The usual way of a grooming tool. Some hundred guides are grown by integrating a direction that starts
-//! along the comb and turns to gravity, held off the skin, the shoulders and the face. Each strand blends the
-//! three nearest guides that are combed alike, is drawn towards the centres of its lock and of its wisp (two
-//! levels of clumping, stronger towards the tip), waved with a phase shared by the lock, and strays a little;
-//! a few strands are flyaways. Hair rides higher over the skin the farther it has travelled over it, so that
-//! strands from the parting lie on those from the sides.
+//! The usual way of a grooming tool. Some hundred guides are grown by integrating a direction that
+//! starts along the comb and turns to gravity, held off the skin, the shoulders and the face. Each
+//! strand blends the three nearest guides that are combed alike, is drawn towards the centres of
+//! its lock and of its wisp (two levels of clumping, stronger towards the tip), waved with a phase
+//! shared by the lock, and strays a little; a few strands are flyaways. Hair rides higher over the
+//! skin the farther it has travelled over it, so that strands from the parting lie on those from
+//! the sides.
 //!
-//! Every random number is a hash of (seed, purpose, index), so a groom depends on its options alone, not on
-//! threads. Roots follow the R2 low-discrepancy sequence (Roberts 2018), jittered, thinned to the scalp.
+//! Every random number is a hash of (seed, purpose, index), so a groom depends on its options
+//! alone, not on threads. Roots follow the R2 low-discrepancy sequence (Roberts 2018), jittered,
+//! thinned to the scalp.
 
 use super::Hair;
 use crate::head::builtin::{HEAD_BOUNDS, head_distance, scalp_depth};
@@ -201,7 +203,7 @@ impl Style {
                 length: 0.36,
                 length_variation: 0.03,
                 fall: Fall::Cut { height: -0.105 },
-                sweep_back: -1.2,
+                sweep_back: -1.15,
                 lift: 0.34,
                 volume: 0.014,
                 wave_radius: 0.0015,
@@ -217,7 +219,7 @@ impl Style {
                 lift: 0.08,
                 volume: 0.005,
                 wave_radius: 0.006,
-                wave_pitch: 0.14,
+                wave_pitch: 0.22,
                 wave_flatness: 0.3,
                 wave_jitter: 0.1,
                 clump: 0.5,
@@ -321,8 +323,8 @@ impl Guides {
         grown.collect()
     }
 
-    /// Blends the three nearest guides that are combed alike, each moved to start at `root`, up to the share
-    /// `extent` of their length.
+    /// Blends the three nearest guides that are combed alike, each moved to start at `root`, up to
+    /// the share `extent` of their length.
     fn blend(&self, root: Vec3, comb: Vec3, extent: f32, out: &mut [Vec3]) {
         let nearest = nearest_alike(&self.grid, root, comb, |i| self.guides[i].comb);
         let weights = nearest.map(|(_, d2)| 1.0 / (d2 + 4e-6));
@@ -331,7 +333,8 @@ impl Guides {
         let tied = self.style.fall == Fall::Tied;
         for (k, p) in out.iter_mut().enumerate() {
             let at = extent_at(k as f32 / last, extent, tied) * last;
-            // The offset of the root fades along a tied strand, or the tie would be as wide as the scalp.
+            // The offset of the root fades along a tied strand, or the tie would be as wide as the
+            // scalp.
             let keep = if tied { (1.0 - k as f32 / (TIE_AT * last)).max(0.0) } else { 1.0 };
             *p = root * keep;
             for ((guide, _), w) in nearest.iter().zip(weights) {
@@ -382,8 +385,8 @@ impl Groom {
         let clump = if stray { 0.3 * self.clump } else { self.clump };
         let last = (out.len() - 1) as f32;
         let tied = style.fall == Fall::Tied;
-        // A member keeps its own place in the wisp, drawn from a disc, so that a wisp never becomes a line.
-        let place = rng.in_disc() * style.noise;
+        // A member keeps its own place in the wisp, or the wisp would become a line.
+        let place = rng.about_zero() * style.noise;
         let wisp_place = (wisp.root - lock.root) * 0.25;
         for (k, p) in out.iter_mut().enumerate().skip(1) {
             let t = k as f32 / last;
@@ -395,19 +398,20 @@ impl Groom {
             *p += (to_wisp * 0.8).lerp(to_lock * 0.9, style.gather * pull) * (clump * pull);
         }
 
-        // Wave about the strand, in a frame of the outward direction: it needs no transport, and neighbours
-        // agree on it.
-        let step = style.length * extent / last;
+        // Wave about the strand, in a frame of the outward direction: it needs no transport along
+        // the strand, and neighbours agree on it.
+        let waved_share = if tied { 1.0 - TIE_AT } else { 1.0 };
+        let step = style.length * extent / (last * waved_share);
         let pitch = style.wave_pitch * wisp.pitch * (1.0 + 0.03 * rng.signed());
         let phase = wisp.phase + style.wave_jitter * rng.signed();
         let radius = style.wave_radius * self.curl * lock.radius * (1.0 + 0.15 * rng.signed());
         let noise = Noise::new(&mut rng);
         let noise_size = if stray { 0.008 } else { style.noise };
         let lift = if stray { 0.022 * rng.unit() } else { 0.0 };
-        let mut previous = out[0];
-        for k in 1..out.len() {
+        let mut previous = root;
+        for (k, p) in out.iter_mut().enumerate().skip(1) {
             let t = k as f32 / last;
-            let base = out[k];
+            let base = *p;
             let along = (base - previous).normalize_or(Vec3::NEG_Y);
             previous = base;
             let outward = outward(base);
@@ -419,7 +423,7 @@ impl Groom {
                 (side * c + up * (s * wisp.hand * (1.0 - style.wave_flatness))) * (radius * grown);
             let loose = if tied { 0.25 + 0.75 * grown } else { t.sqrt() };
             let wander = noise.at(t) * (noise_size * loose);
-            out[k] = base + wave + wander + up * (lift * t * loose);
+            *p = base + wave + wander + up * (lift * t * loose);
         }
 
         let fringe = is_fringe(style, root);
@@ -431,8 +435,8 @@ impl Groom {
     }
 }
 
-/// Position in a guide, as a share of its length, of the share `t` of a strand that is `extent` as long. A tied
-/// strand must reach the tie at the same share whatever its length.
+/// Position in a guide, as a share of its length, of the share `t` of a strand that is `extent` as
+/// long. A tied strand must reach the tie at the same share whatever its length.
 fn extent_at(t: f32, extent: f32, tied: bool) -> f32 {
     if tied && t > TIE_AT {
         TIE_AT + (t - TIE_AT) * extent
@@ -557,7 +561,7 @@ fn grow_tied(style: &Style, root: Vec3, rng: &mut Rng) -> Vec<Vec3> {
     let share = (travelled / 0.17).clamp(0.05, 1.0).sqrt();
     let angle = around.x.atan2(around.y);
     let length = style.length * (1.0 + 0.12 * rng.signed());
-    let wobble = rng.in_disc() * 0.25;
+    let wobble = rng.about_zero() * 0.25;
     let mut center = TIE + vec3(0.0, 0.004, -0.012);
     let mut direction = vec3(0.0, 0.38, -0.92).normalize();
     let mut travelled = 0.0;
@@ -579,8 +583,8 @@ fn grow_tied(style: &Style, root: Vec3, rng: &mut Rng) -> Vec<Vec3> {
     points
 }
 
-/// The direction in which hair at `root` is combed, tangential to the skin, unit length: away from the parting,
-/// or to the tie.
+/// The direction in which hair at `root` is combed, tangential to the skin, unit length: away from
+/// the parting, or to the tie.
 fn comb(style: &Style, root: Vec3) -> Vec3 {
     let normal = skin().normal(root);
     let away = if style.fall == Fall::Tied {
@@ -591,9 +595,9 @@ fn comb(style: &Style, root: Vec3) -> Vec3 {
         // Aside from the parting, and back where the parting ends at the crown.
         let from_part = root.x - style.part_x;
         let behind_crown = 1.0 - smoothstep((root.z + 0.075) / 0.055);
-        let front = 0.2 + style.sweep_back * smoothstep(root.z / 0.04);
+        let front = 0.2 + style.sweep_back * smoothstep((root.z + 0.04) / 0.10);
         let back = front + 2.2 * behind_crown;
-        vec3(from_part / (from_part.abs() + 0.002 + 0.02 * behind_crown), 0.0, -back)
+        vec3(from_part / (from_part.abs() + 0.002 + 0.05 * behind_crown), 0.0, -back)
     };
     (away - normal * away.dot(normal)).normalize_or(Vec3::NEG_Z)
 }
@@ -603,15 +607,18 @@ fn is_fringe(style: &Style, root: Vec3) -> bool {
     matches!(style.fall, Fall::Cut { .. }) && root.z - 0.6 * root.x.abs() > 0.002 && root.y > 0.04
 }
 
-/// Horizontally away from the head's axis, below its middle; away from its middle, above. Unit length.
+/// Horizontally away from the head's axis, below its middle; away from its middle, above. Unit
+/// length.
 fn outward(p: Vec3) -> Vec3 {
     (p - vec3(0.0, p.y.min(0.03), -0.02)).normalize_or(Vec3::NEG_Z)
 }
 
-/// `p` moved to at least `gap` off the skin and, where `face` is set, out of the room before the face.
+/// `p` moved to at least `gap` off the skin and, where `face` is set, out of the room before the
+/// face.
 fn keep_out(mut p: Vec3, gap: f32, face: bool) -> Vec3 {
     if face {
-        // An ellipsoid over brow, eyes, nose and mouth; hair leaves it sideways and back, never forward.
+        // An ellipsoid over brow, eyes, nose and mouth; hair leaves it sideways and back, never
+        // forward.
         let q = (p - vec3(0.0, -0.035, 0.085)) / vec3(0.060, 0.105, 0.075);
         let inside = 1.0 - q.length();
         if inside > 0.0 {
@@ -629,7 +636,8 @@ fn keep_out(mut p: Vec3, gap: f32, face: bool) -> Vec3 {
     p
 }
 
-/// `count` roots over the scalp, in the order of a low-discrepancy sequence: any prefix covers the scalp.
+/// `count` roots over the scalp, in the order of a low-discrepancy sequence: any prefix covers the
+/// scalp.
 fn scatter_roots(count: usize, seed: u64, purpose: u64) -> Vec<Vec3> {
     const BLOCK: usize = 1 << 14;
     let mut roots = Vec::with_capacity(count + BLOCK);
@@ -654,8 +662,8 @@ fn root_candidate(i: usize, seed: u64, purpose: u64) -> Option<Vec3> {
     let jitter = 0.3 / (1.0 + i as f32).sqrt();
     let u = lattice[0] + jitter * rng.signed();
     let v = (lattice[1] + jitter * rng.signed()).clamp(0.0, 1.0);
-    // Equal areas of a sphere about the skull's middle, of which the scalp takes y from −0.6 up.
-    let y = 1.0 - 1.75 * v;
+    // Equal areas of a sphere about the skull's middle, of which the scalp takes y from −0.9 up.
+    let y = 1.0 - 1.9 * v;
     let (s, c) = (TAU * u).sin_cos();
     let ring = (1.0 - y * y).max(0.0).sqrt();
     let direction = vec3(s * ring, y, c * ring);
@@ -676,8 +684,8 @@ fn root_candidate(i: usize, seed: u64, purpose: u64) -> Option<Vec3> {
     (rng.unit() < area * density).then_some(root)
 }
 
-/// Resamples a polyline to `count` points of equal arc length; with `tie`, the share of points up to its knee
-/// (the point nearest the tie) is fixed as well.
+/// Resamples a polyline to `count` points of equal arc length; with `tie`, the share of points up
+/// to its knee (the point nearest the tie) is fixed as well.
 fn resample(points: &mut Vec<Vec3>, count: usize, tie: Option<f32>) {
     let mut arc = vec![0.0];
     for pair in points.windows(2) {
@@ -722,7 +730,8 @@ struct Skin {
     distance: Vec<f32>,
 }
 
-/// Spacing of the grid: trilinear distances are then good to 0.2 mm, except in the folds of face and ear.
+/// Spacing of the grid: trilinear distances are then good to 0.2 mm, except in the folds of face
+/// and ear.
 const SKIN_CELL: f32 = 0.005;
 
 fn skin() -> &'static Skin {
@@ -746,7 +755,8 @@ fn skin() -> &'static Skin {
 }
 
 impl Skin {
-    /// Distance at `p`, and its gradient. Outside the grid, that of the nearest point of it plus the way there.
+    /// Distance at `p`, and its gradient. Outside the grid, that of the nearest point of it plus
+    /// the way there.
     fn query(&self, p: Vec3) -> (f32, Vec3) {
         let q = (p - HEAD_BOUNDS[0]) / SKIN_CELL;
         let last = Vec3::from_array(self.size.map(|n| (n - 1) as f32)) - 1e-3;
@@ -828,8 +838,9 @@ impl RootGrid {
     }
 }
 
-/// The three nearest roots, with squared distances lengthened where the comb differs, so that strands from
-/// either side of a parting never mix. With fewer than three roots the last is repeated.
+/// The three nearest roots, with squared distances lengthened where the comb differs, so that
+/// strands from either side of a parting never mix. With fewer than three roots the last is
+/// repeated.
 fn nearest_alike(
     grid: &RootGrid,
     root: Vec3,
@@ -841,7 +852,7 @@ fn nearest_alike(
         best = [(usize::MAX, f32::INFINITY); 3];
         grid.visit_near(root, reach, |i| {
             let unlike = 1.0 - comb_of(i).dot(comb);
-            let d2 = grid.roots[i].distance_squared(root) + 6e-4 * unlike;
+            let d2 = grid.roots[i].distance_squared(root) + 1.5e-3 * unlike;
             if d2 < best[2].1 {
                 best[2] = (i, d2);
                 best.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -899,8 +910,8 @@ impl Rng {
         2.0 * self.unit() - 1.0
     }
 
-    /// In the unit ball's shadow: each coordinate in [−1, 1), denser towards 0.
-    fn in_disc(&mut self) -> Vec3 {
+    /// Each coordinate in [−1, 1), denser towards 0.
+    fn about_zero(&mut self) -> Vec3 {
         let mut axis = || 0.5 * (self.signed() + self.signed());
         vec3(axis(), axis(), axis())
     }

@@ -1,12 +1,13 @@
-//! The builtin head: a sculpted mannequin with neck and shoulders, made from a signed distance function.
+//! The builtin head: a sculpted mannequin with neck and shoulders, made from a signed distance
+//! function.
 //!
-//! The surface is the zero set of a smooth union of ellipsoids and round cones (polynomial smooth minimum),
-//! so that the same function shapes the mesh, tells hair where skin is, and gives exact normals. It is
-//! meshed by naive surface nets (Gibson 1998) over a grid that is fine at the face and coarse at the
-//! shoulders; vertices are then moved onto the zero set by Newton steps.
+//! The surface is the zero set of a smooth union of ellipsoids and round cones (polynomial smooth
+//! minimum), so that the same function shapes the mesh, tells hair where skin is, and gives exact
+//! normals. It is meshed by naive surface nets (Gibson 1998) over a grid that is fine at the face
+//! and coarse at the shoulders; vertices are then moved onto the zero set by Newton steps.
 //!
-//! Frame: metres, y up, the face looks along +z. The head spans y = −0.115 (chin) to 0.115 (crown), the eyes
-//! are at y ≈ 0, the bust ends at y = −0.33. It is symmetric in x.
+//! Frame: metres, y up, the face looks along +z. The head spans y = −0.115 (chin) to 0.115 (crown),
+//! the eyes are at y ≈ 0, the bust ends at y = −0.33. It is symmetric in x.
 
 use super::Head;
 use glam::{Vec3, vec3};
@@ -16,8 +17,8 @@ use std::collections::HashMap;
 /// Lower and upper corner of a box that holds the whole builtin head, in metres.
 pub const HEAD_BOUNDS: [Vec3; 2] = [vec3(-0.23, -0.345, -0.15), vec3(0.23, 0.13, 0.13)];
 
-/// The hairline: height in metres of the lower edge of the scalp at azimuths from the face (0°) by way of
-/// the temple (40°), sideburn (78°) and ear (95°) to the nape (180°).
+/// The hairline: height in metres of the lower edge of the scalp at azimuths from the face (0°) by
+/// way of the temple (40°), sideburn (78°) and ear (95°) to the nape (180°).
 const HAIRLINE: [[f32; 2]; 14] = [
     [0.0, 0.070],
     [20.0, 0.073],
@@ -37,8 +38,8 @@ const HAIRLINE: [[f32; 2]; 14] = [
 
 /// Signed distance in metres from `p` to the builtin head, negative inside.
 ///
-/// A bound rather than the exact distance: ellipsoids and smooth unions bend it by up to some 20 % away from
-/// the surface; its sign and zero set are exact.
+/// A bound rather than the exact distance: ellipsoids and smooth unions bend it by up to some 20 %
+/// away from the surface; its sign and zero set are exact.
 pub fn head_distance(p: Vec3) -> f32 {
     let m = vec3(p.x.abs(), p.y, p.z);
     let body = smooth_union(bare_head(m), bust(m), 0.035);
@@ -50,11 +51,12 @@ pub fn head_normal(p: Vec3) -> Vec3 {
     gradient(p).normalize_or(Vec3::Y)
 }
 
-/// How far in metres, measured upward, a point of the surface lies within the scalp; negative outside it.
+/// How far in metres, measured upward, a point of the surface lies within the scalp; negative
+/// outside it.
 pub fn scalp_depth(p: Vec3) -> f32 {
     let azimuth = p.x.abs().atan2(p.z + 0.015).to_degrees();
     let after = HAIRLINE.partition_point(|k| k[0] < azimuth).clamp(1, HAIRLINE.len() - 1);
-    let ([a0, y0], [a1, y1]) = (HAIRLINE[after - 1].into(), HAIRLINE[after].into());
+    let ([a0, y0], [a1, y1]) = (HAIRLINE[after - 1], HAIRLINE[after]);
     let t = ((azimuth - a0) / (a1 - a0)).clamp(0.0, 1.0);
     let above_hairline = p.y - (y0 + (y1 - y0) * t * t * (3.0 - 2.0 * t));
     above_hairline.min(ear(vec3(p.x.abs(), p.y, p.z)) - 0.004)
@@ -221,8 +223,8 @@ fn graded_axis(low: f32, high: f32, spacing: impl Fn(f32) -> f32) -> Vec<f32> {
     axis
 }
 
-/// Naive surface nets over a grid of given coordinates: one vertex for each cell that the surface crosses, one
-/// quad for each grid edge that it crosses. Normals are left empty.
+/// Naive surface nets over a grid of given coordinates: one vertex for each cell that the surface
+/// crosses, one quad for each grid edge that it crosses. Normals are left empty.
 fn surface_nets(axes: &[Vec<f32>; 3]) -> Head {
     let n = [axes[0].len(), axes[1].len(), axes[2].len()];
     let index = |c: [usize; 3]| (c[2] * n[1] + c[1]) * n[0] + c[0];
@@ -274,7 +276,8 @@ fn surface_nets(axes: &[Vec<f32>; 3]) -> Head {
                 around[v] -= dv;
                 vertex_of.get(&index(around)).copied()
             };
-            // A crossed edge of an outermost cell has no four neighbours; the bounds leave room for none.
+            // A crossed edge of an outermost cell has no four neighbours; the bounds leave room for
+            // none.
             let (Some(a), Some(b), Some(c), Some(d)) =
                 (cell(1, 1), cell(0, 1), cell(0, 0), cell(1, 0))
             else {

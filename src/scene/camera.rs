@@ -55,7 +55,7 @@ impl Default for CameraSpec {
 impl Default for Orbit {
     /// A three-quarter view from a little above.
     fn default() -> Self {
-        Self { azimuth_deg: 35.0, elevation_deg: 5.0, distance: None }
+        Self { azimuth_deg: 25.0, elevation_deg: 5.0, distance: None }
     }
 }
 

@@ -154,7 +154,7 @@ pub enum Background {
 impl Default for HairSpec {
     fn default() -> Self {
         Self {
-            source: "builtin:wavy".to_owned(),
+            source: "builtin:bob".to_owned(),
             up: Up::Y,
             scale: 1.0,
             strands: 20_000,
