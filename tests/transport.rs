@@ -1,6 +1,6 @@
 //! Light transport against what is known exactly: analytic slabs, spheres and lobes, and rays.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use hairlight::hair::Hair;
 use hairlight::head::Head;
 use hairlight::srbf::{SrbfLight, lobe_integral};
@@ -154,7 +154,8 @@ fn optical_depth_of_a_uniform_slab_is_density_times_length() {
                 let (ahead, behind) = (rho * slab.exit(p, omega), rho * slab.exit(p, -omega));
                 let (tau, beyond) = depth.tau(depth.shear.apply(slab.volume.to_cells(p)));
                 // Near an edge the blur of one cell takes up to a quarter of a cell's depth.
-                let close = |a: f32, b: f32| (a - b).abs() <= 0.02 * b + 0.3 * rho * slab.volume.cell;
+                let close =
+                    |a: f32, b: f32| (a - b).abs() <= 0.02 * b + 0.3 * rho * slab.volume.cell;
                 assert!(close(tau, ahead), "{omega} {p}: {tau} for {ahead}");
                 assert!(close(beyond, behind), "{omega} {p}: {beyond} for {behind}");
                 checks += 1;
@@ -192,8 +193,7 @@ fn the_volume_holds_every_diameter_times_length() {
         })
         .collect();
     let total = |segments: &[(Vec3, Vec3, f32)]| {
-        let volume =
-            Volume::build(segments.iter().copied(), Vec3::NEG_ONE, Vec3::ONE, 24);
+        let volume = Volume::build(segments.iter().copied(), Vec3::NEG_ONE, Vec3::ONE, 24);
         let cubed = f64::from(volume.cell).powi(3);
         let sum = |c: usize| volume.cells.iter().map(|s| f64::from(s[c])).sum::<f64>() * cubed;
         [0, 1, 2, 3, 4, 5].map(sum)
@@ -208,9 +208,8 @@ fn the_volume_holds_every_diameter_times_length() {
     let trace = exact[0] + exact[1] + exact[2];
     let given: f64 = segments.iter().map(|(a, b, d)| f64::from(d * a.distance(*b))).sum();
     assert!((trace / given - 1.0).abs() < 1e-5);
-    let error = |found: [f64; 6]| {
-        (0..6).map(|c| (found[c] - exact[c]).abs() / trace).fold(0.0, f64::max)
-    };
+    let error =
+        |found: [f64; 6]| (0..6).map(|c| (found[c] - exact[c]).abs() / trace).fold(0.0, f64::max);
     let whole = error(total(&segments));
     assert!(whole < 1e-5, "{whole}");
     let lacking = error(total(&segments[20..]));
@@ -265,16 +264,27 @@ fn a_head_blocks_what_lies_behind_it_and_is_lit_from_the_front() {
 
         let occluders = Occluders { volume: &volume, head: Some(&head) };
         let (_, irradiance) = occluders.reach(&light, &points);
+        let peak = lobe_integral(narrow) as f32;
+        let (mut total, mut exact_total) = (0.0, 0.0);
         for (normal, irradiance) in head.normals.iter().zip(irradiance) {
             let cosine = normal.dot(omega);
-            let exact = lobe_integral(narrow) as f32 * cosine.max(0.0);
-            // At the terminator the shadow map's bias decides.
-            if cosine.abs() > 0.3 {
-                let expected = Vec3::new(1.0, 2.0, 3.0) * exact;
-                assert!(irradiance.distance(expected) <= 1e-4 * expected.length(), "{omega} {normal}");
+            let exact = Vec3::new(1.0, 2.0, 3.0) * peak * cosine.max(0.0);
+            let area = normal.xz().length();
+            total += area * irradiance.x;
+            exact_total += area * exact.x;
+            // Nearer the terminator the head shades itself where a texel is deeper than the bias.
+            if !(0.0..0.4).contains(&cosine) {
+                let off = irradiance.distance(exact);
+                assert!(off <= 1e-4 * exact.length(), "{omega} {normal}: {irradiance}");
             }
         }
+        // What that costs of the whole: 0.2 to 0.5 %.
+        assert!((total / exact_total - 1.0).abs() < 0.01, "{omega}: {total} of {exact_total}");
     }
+    // The pole is lit from above alone.
+    let occluders = Occluders { volume: &volume, head: Some(&head) };
+    let front = |omega: Vec3| occluders.reach(&light(omega, narrow), &[]).1[0].x;
+    assert!(front(Vec3::Y) > 0.0 && front(Vec3::NEG_Y) == 0.0);
 }
 
 #[test]
@@ -304,8 +314,9 @@ fn a_sampled_lobe_has_the_mean_cosine_of_its_density() {
                 directions.into_iter().sum::<DVec3>() / count
             };
             let fine = mean(sample_lobe(&light, 4096));
-            // Relative to the lobe's own spread: 1 − cosine is λ²/2 for a narrow one.
-            let spread = 1.0 - exact(lambda);
+            // Relative to what tells lobes apart: 1 − cosine is λ²/2 for a narrow one, and the cosine itself is
+            // small for a wide one.
+            let spread = (1.0 - exact(lambda)).min(exact(lambda));
             let along = fine.dot(light.direction);
             assert!((along - exact(lambda)).abs() < 2e-3 * spread, "λ = {lambda}: {along}");
             assert!(fine.reject_from_normalized(light.direction).length() < 2e-3 * spread.sqrt());

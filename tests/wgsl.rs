@@ -333,6 +333,70 @@ fn validated(source: &str) -> naga::Module {
     module
 }
 
+/// Names, offsets and span of a struct, as naga lays it out.
+fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
+    let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name));
+    let Some((_, naga::Type { inner: naga::TypeInner::Struct { members, span }, .. })) = found
+    else {
+        panic!("struct {name} is not in the shader")
+    };
+    let name = |m: &naga::StructMember| (m.name.clone().unwrap_or_default(), m.offset as usize);
+    (members.iter().map(name).collect(), *span as usize)
+}
+
+#[test]
+fn passes_are_valid_and_laid_out_as_in_rust() {
+    use hairlight::gpu::uniforms::{
+        LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
+    };
+    use std::mem::{offset_of, size_of};
+    for (name, source) in shaders::passes() {
+        println!("{name}");
+        validated(&source);
+    }
+    macro_rules! same {
+        ($shader:expr, $wgsl:literal, $rust:ty, [$($field:ident),*]) => {
+            let expected: Vec<(String, usize)> =
+                vec![$((stringify!($field).to_owned(), offset_of!($rust, $field))),*];
+            assert_eq!(layout(&validated(&$shader), $wgsl), (expected, size_of::<$rust>()), $wgsl);
+        };
+    }
+    same!(
+        shaders::resolve(),
+        "View",
+        ViewUniform,
+        [
+            clip_from_pos,
+            eye,
+            pieces,
+            right,
+            background,
+            up,
+            environment_rotation_rad,
+            forward,
+            environment_scale,
+            background_rgb,
+            share,
+            size,
+            grid,
+            pad
+        ]
+    );
+    same!(shaders::shade(), "Light", LightEntry, [direction, lambda, rgb, energy]);
+    same!(
+        shaders::shade(),
+        "Shading",
+        ShadingUniform,
+        [eye, parts, first_light, lights, slots, pad]
+    );
+    for (shader, name) in [(shaders::mark(), "Needed"), (shaders::shade(), "NeededPoints")] {
+        let (members, _) = layout(&validated(&shader), name);
+        let offset = |field: &str| members.iter().find(|m| m.0 == field).map(|m| m.1 as u64);
+        assert_eq!(offset("dispatch"), Some(NEEDED_DISPATCH), "{name}");
+        assert_eq!(offset("points"), Some(NEEDED_LIST), "{name}");
+    }
+}
+
 #[test]
 fn layouts_and_constants_are_those_of_rust() {
     let module = validated(&shaders::probe(SINGLE));

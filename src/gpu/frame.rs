@@ -3,22 +3,20 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Result, ensure};
-use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use wgpu::util::DeviceExt as _;
 
+use super::resources::*;
 use super::timer::PassTimer;
-use super::uniforms::FibreUniform;
+use super::uniforms::{
+    FibreUniform, LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
+};
 use super::{Gpu, shaders};
 use crate::environment::Environment;
 use crate::hair::Hair;
 use crate::head::Head;
 use crate::srbf::{SrbfLight, lobe_integral};
 
-/// The multisampling that every WebGPU adapter has.
-const SAMPLES_PER_TEXEL: u32 = 4;
-const VISIBILITY: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Uint;
-const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// A straight piece of a ribbon may leave its curve by this much.
 const CURVE_TOLERANCE_PX: f32 = 0.15;
 const MAX_PIECES: u32 = 8;
@@ -62,45 +60,6 @@ pub struct Frame {
     pub shaded: Vec<u32>,
     /// GPU milliseconds by pass; empty where the adapter has no timestamps.
     pub passes: BTreeMap<&'static str, f64>,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct ViewUniform {
-    clip_from_pos: Mat4,
-    eye: Vec3,
-    pieces: u32,
-    right: Vec3,
-    background: u32,
-    up: Vec3,
-    environment_rotation_rad: f32,
-    forward: Vec3,
-    environment_scale: f32,
-    background_rgb: Vec3,
-    share: f32,
-    size: [u32; 2],
-    grid: u32,
-    pad: u32,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct LightEntry {
-    direction: Vec3,
-    lambda: f32,
-    rgb: Vec3,
-    energy: f32,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct ShadingUniform {
-    eye: Vec3,
-    parts: u32,
-    first_light: u32,
-    lights: u32,
-    slots: u32,
-    pad: u32,
 }
 
 /// A fibre as `shaders::scattering_library` binds it in group 0.
@@ -653,10 +612,6 @@ impl RibbonIndices {
     }
 }
 
-/// Byte offsets in `Needed` (shaders/mark.wgsl).
-const NEEDED_DISPATCH: u64 = 16;
-const NEEDED_LIST: u64 = 28;
-
 /// The buffers of one frame, all born zero.
 struct Work {
     /// Size of the visibility buffer.
@@ -756,15 +711,6 @@ fn jitter(pass: u32, sampling: Sampling) -> Vec2 {
     Vec2::new(at(0.754_877_666_246_693), at(0.569_840_290_998_053))
 }
 
-fn begin<'a>(
-    encoder: &'a mut wgpu::CommandEncoder,
-    label: &'static str,
-    timestamp_writes: Option<wgpu::ComputePassTimestampWrites>,
-) -> wgpu::ComputePass<'a> {
-    encoder
-        .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
-}
-
 fn scattering_group(
     device: &wgpu::Device,
     shade: &wgpu::ComputePipeline,
@@ -774,98 +720,6 @@ fn scattering_group(
     let circle = storage(device, "circle table", bytemuck::cast_slice(&fibre.circle_table));
     let table = storage(device, "fibre table", bytemuck::cast_slice(&fibre.fibre_table));
     bind(device, &shade.get_bind_group_layout(0), &[&uniform, &circle, &table])
-}
-
-fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::ShaderModule {
-    device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(label),
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    })
-}
-
-fn compute_pipeline(
-    device: &wgpu::Device,
-    module: &wgpu::ShaderModule,
-    entry: &str,
-) -> wgpu::ComputePipeline {
-    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(entry),
-        layout: None,
-        module,
-        entry_point: Some(entry),
-        compilation_options: Default::default(),
-        cache: None,
-    })
-}
-
-/// Entry points `{name}_vertex` and `{name}_fragment`.
-fn raster_pipeline(
-    device: &wgpu::Device,
-    module: &wgpu::ShaderModule,
-    name: &str,
-) -> wgpu::RenderPipeline {
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(name),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some(&format!("{name}_vertex")),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        primitive: Default::default(),
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: Default::default(),
-            bias: Default::default(),
-        }),
-        multisample: wgpu::MultisampleState { count: SAMPLES_PER_TEXEL, ..Default::default() },
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some(&format!("{name}_fragment")),
-            compilation_options: Default::default(),
-            targets: &[Some(VISIBILITY.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
-}
-
-fn uniform_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
-    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents,
-        usage: wgpu::BufferUsages::UNIFORM,
-    })
-}
-
-/// A read-only storage buffer; an empty one still needs a few bytes to be bound.
-fn storage(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
-    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents: if contents.is_empty() { &[0; 64] } else { contents },
-        usage: wgpu::BufferUsages::STORAGE,
-    })
-}
-
-fn buffer(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
-    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
-}
-
-fn texture(binding: u32, view: &wgpu::TextureView) -> wgpu::BindGroupEntry<'_> {
-    wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) }
-}
-
-/// Binds buffers to bindings 0, 1, 2, …
-fn bind(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    buffers: &[&wgpu::Buffer],
-) -> wgpu::BindGroup {
-    let entries: Vec<_> = buffers.iter().enumerate().map(|(i, b)| buffer(i as u32, b)).collect();
-    device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 
 fn environment_texture(

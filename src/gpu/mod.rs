@@ -3,6 +3,7 @@
 pub mod device;
 pub mod frame;
 pub mod probe;
+mod resources;
 pub mod shaders;
 mod timer;
 pub mod uniforms;

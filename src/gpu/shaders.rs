@@ -46,3 +46,8 @@ pub fn shade() -> String {
 pub fn resolve() -> String {
     [VIEW, include_str!("../../shaders/resolve.wgsl")].join("\n")
 }
+
+/// Every pass's shader with its name.
+pub fn passes() -> [(&'static str, String); 4] {
+    [("raster", raster()), ("mark", mark()), ("shade", shade()), ("resolve", resolve())]
+}

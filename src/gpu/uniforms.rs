@@ -1,6 +1,8 @@
-//! What the shaders read from uniform buffers. tests/wgsl.rs holds these layouts against the WGSL.
+//! What the shaders read from uniform buffers, and other layouts that they share with Rust. tests/wgsl.rs
+//! holds them against the WGSL.
 
 use bytemuck::{Pod, Zeroable};
+use glam::{Mat4, Vec3};
 
 use crate::scattering::{azimuthal::FitLayers, fibre::Fibre, longitudinal::longitudinal_bandwidth};
 
@@ -36,3 +38,49 @@ impl FibreUniform {
         }
     }
 }
+
+/// `View` of shaders/view.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ViewUniform {
+    pub clip_from_pos: Mat4,
+    pub eye: Vec3,
+    pub pieces: u32,
+    pub right: Vec3,
+    pub background: u32,
+    pub up: Vec3,
+    pub environment_rotation_rad: f32,
+    pub forward: Vec3,
+    pub environment_scale: f32,
+    pub background_rgb: Vec3,
+    pub share: f32,
+    pub size: [u32; 2],
+    pub grid: u32,
+    pub pad: u32,
+}
+
+/// `Light` of shaders/shade.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct LightEntry {
+    pub direction: Vec3,
+    pub lambda: f32,
+    pub rgb: Vec3,
+    pub energy: f32,
+}
+
+/// `Shading` of shaders/shade.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ShadingUniform {
+    pub eye: Vec3,
+    pub parts: u32,
+    pub first_light: u32,
+    pub lights: u32,
+    pub slots: u32,
+    pub pad: u32,
+}
+
+/// Byte offsets in `Needed` (shaders/mark.wgsl).
+pub const NEEDED_DISPATCH: u64 = 16;
+pub const NEEDED_LIST: u64 = 28;

@@ -1,0 +1,411 @@
+//! Frames through the binary, on the CPU adapter: golden images, odd maps, figures, and what must hold of
+//! any frame. `HAIRLIGHT_BLESS=1 cargo test --release frames::` writes the golden images anew.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use exr::prelude::{read_first_flat_layer_from_file, write_rgb_file};
+use glam::Vec3;
+use hairlight::hair::Hair;
+use hairlight::hair::hair_format::{HairFile, Header};
+use image::{Rgb, RgbImage};
+use rayon::prelude::*;
+use serde_json::Value;
+use tempfile::tempdir;
+
+fn capture(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_hairlight"))
+        .args(["capture", "--adapter", "cpu", "--quiet"])
+        .args(arguments)
+        .current_dir(folder)
+        .env("HAIRLIGHT_CACHE", folder.join("cache"))
+        .stdin(Stdio::null())
+        .output()
+        .expect("the binary runs")
+}
+
+fn captured(folder: &Path, arguments: &[&str]) {
+    let output = capture(folder, arguments);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {error}");
+    assert_eq!(error, "", "{arguments:?}: quiet");
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// A map of radiance 1 from everywhere.
+fn write_unit_map(folder: &Path) {
+    write_rgb_file(folder.join("unit.exr"), 16, 8, |_, _| (1f32, 1f32, 1f32)).unwrap();
+}
+
+/// A linear frame as it was written.
+struct Linear {
+    rgba: [Vec<f32>; 4],
+    hair: Vec<f32>,
+}
+
+impl Linear {
+    fn read(path: &Path) -> Linear {
+        let layer = read_first_flat_layer_from_file(path).unwrap().layer_data;
+        let channel = |name: &str| {
+            let mut list = layer.channel_data.list.iter();
+            let channel = list.find(|c| c.name.eq(name)).expect(name);
+            channel.sample_data.values_as_f32().collect::<Vec<f32>>()
+        };
+        Linear { rgba: ["R", "G", "B", "A"].map(channel), hair: channel("hair") }
+    }
+}
+
+// Golden images.
+
+/// Another driver rounds exp and sin otherwise, which moves a few edge samples; a patch of +20/255 over an
+/// eighth of an image gives a p99 of some 0.65 (and a mean of only 0.04).
+const MOST_MEAN: f32 = 0.01;
+const MOST_P99: f32 = 0.1;
+
+/// FLIP between two images of one size: mean, 99th percentile, and the map of differences.
+fn flip(a: &RgbImage, b: &RgbImage) -> (f32, f32, RgbImage) {
+    let [a, b] =
+        [a, b].map(|i| nv_flip::FlipImageRgb8::with_data(i.width(), i.height(), i.as_raw()));
+    let error = nv_flip::flip(a, b, nv_flip::DEFAULT_PIXELS_PER_DEGREE);
+    let mut values = error.to_vec();
+    values.sort_by(f32::total_cmp);
+    let mean = values.iter().sum::<f32>() / values.len() as f32;
+    let shown = error.apply_color_lut(&nv_flip::magma_lut());
+    let shown = RgbImage::from_raw(shown.width(), shown.height(), shown.to_vec());
+    (mean, values[values.len() * 99 / 100], shown.unwrap())
+}
+
+/// A PNG over middle grey, so that alpha counts.
+fn over_grey(path: &Path) -> RgbImage {
+    let image = image::open(path).unwrap().into_rgba8();
+    RgbImage::from_fn(image.width(), image.height(), |x, y| {
+        let [r, g, b, a] = image.get_pixel(x, y).0.map(u32::from);
+        Rgb([r, g, b].map(|c| ((c * a + 128 * (255 - a)) / 255) as u8))
+    })
+}
+
+/// 20/255 more light (less where there is no room) in the middle eighth.
+fn patched(image: &RgbImage) -> RgbImage {
+    let (w, h) = image.dimensions();
+    let mut image = image.clone();
+    for y in 3 * h / 8..5 * h / 8 {
+        for x in w / 4..3 * w / 4 {
+            let pixel = image.get_pixel_mut(x, y);
+            pixel.0 = pixel.0.map(|c| if c < 235 { c + 20 } else { c - 20 });
+        }
+    }
+    image
+}
+
+#[test]
+fn golden_images() {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    let failures = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("golden");
+    let bless = std::env::var_os("HAIRLIGHT_BLESS").is_some_and(|v| v == "1");
+    let folder = tempdir().unwrap();
+    let mut report = String::new();
+    for name in
+        ["wavy_brown_studio", "curly_red_sunset", "bob_blond_overcast", "ponytail_black_night"]
+    {
+        let expected = golden.join(name).join("frame.png");
+        let output = if bless { expected.clone() } else { folder.path().join("frame.png") };
+        let scene = golden.join(name).join("scene.toml");
+        captured(folder.path(), &[scene.to_str().unwrap(), "-o", output.to_str().unwrap()]);
+
+        let [expected, actual] = [&expected, &output].map(|path| over_grey(path));
+        let shown = failures.join(name);
+        let _ = fs::remove_dir_all(&shown);
+        assert_eq!(expected.dimensions(), actual.dimensions(), "{name}: bless it anew");
+        let (mean, p99, difference) = flip(&expected, &actual);
+        if mean > MOST_MEAN || p99 > MOST_P99 {
+            fs::create_dir_all(&shown).unwrap();
+            actual.save(shown.join("actual.png")).unwrap();
+            difference.save(shown.join("difference.png")).unwrap();
+            let _ = writeln!(report, "{name}: FLIP mean {mean:.4}, p99 {p99:.4}: see {shown:?}");
+        }
+        let (_, p99, _) = flip(&expected, &patched(&expected));
+        assert!(p99 > 2.0 * MOST_P99, "{name}: a patch is told apart: {p99}");
+    }
+    assert!(report.is_empty(), "{report}");
+}
+
+// Odd maps.
+
+#[test]
+#[ignore = "needs ../shared/data"]
+fn an_odd_exr_gives_a_frame_or_one_line_that_names_it() {
+    let odd = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/exr-odd"));
+    let files: Vec<PathBuf> = fs::read_dir(odd).unwrap().map(|e| e.unwrap().path()).collect();
+    let verdicts: Vec<Result<bool, String>> = files
+        .par_iter()
+        .map(|file| {
+            let name = file.file_name().unwrap().to_str().unwrap();
+            let folder = tempdir().unwrap();
+            let scene = "--hair builtin:bob --strands 1000 --size 32x32 --samples 4 --lights 3 \
+                         -o frame.png --stats figures.json --env";
+            let arguments: Vec<&str> =
+                scene.split_whitespace().chain([file.to_str().unwrap()]).collect();
+            let output = capture(folder.path(), &arguments);
+            let error = String::from_utf8(output.stderr).unwrap();
+            let wrong = |what: &str| Err(format!("{name}: {what}: {:?}, {error}", output.status));
+            let left: Vec<PathBuf> = fs::read_dir(&folder)
+                .unwrap()
+                .map(|e| e.unwrap().path())
+                .filter(|path| !path.ends_with("cache"))
+                .collect();
+            match output.status.code() {
+                Some(0) if !error.is_empty() => wrong("noise"),
+                Some(0) => {
+                    let figures = json(&folder.path().join("figures.json"));
+                    let finite = figures["image"]["non_finite_pixels"] == 0;
+                    let whole = image::open(folder.path().join("frame.png"))
+                        .is_ok_and(|frame| frame.width() == 32 && frame.height() == 32);
+                    if finite && whole && left.len() == 2 { Ok(true) } else { wrong("bad frame") }
+                }
+                Some(1) if error.lines().count() != 1 => wrong("not one line"),
+                Some(1) if !error.contains(name) => wrong("the file is not named"),
+                Some(1) if error.contains("panicked") => wrong("a panic"),
+                Some(1) if !left.is_empty() => wrong(&format!("left {left:?}")),
+                Some(1) => Ok(false),
+                _ => wrong("neither 0 nor 1"),
+            }
+        })
+        .collect();
+    let wrong: Vec<&String> = verdicts.iter().filter_map(|v| v.as_ref().err()).collect();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    // Neither verdict is given to all.
+    let frames = verdicts.iter().filter(|v| **v == Ok(true)).count();
+    assert!(frames >= 30 && files.len() - frames >= 8, "{frames} frames of {}", files.len());
+}
+
+// Figures.
+
+const SMALL: [&str; 10] = [
+    "--hair",
+    "builtin:wavy",
+    "--strands",
+    "1000",
+    "--size",
+    "64x48",
+    "--samples",
+    "4",
+    "--lights",
+    "4",
+];
+
+/// Every name of the figures, with a letter for its type: String, Count, Number, Bool, null (0) and
+/// the open map of passes (*).
+const FIGURES: &str = "\
+    adapter.backend S, adapter.device_type S, adapter.name S, \
+    environment.height C, environment.mended_inf C, environment.mended_nan C, \
+    environment.mended_negative C, environment.width C, \
+    fit.cached B, fit.energy_ratio N, fit.lights C, fit.relative_l2 N, \
+    fit.relative_l2_blurred_0_15 N, fit.relative_l2_blurred_0_30 N, fit.seconds N, \
+    hair.dropped C, hair.fibre_diameter N, hair.mended C, hair.points C, hair.points_shaded C, \
+    hair.strands C, \
+    image.exposure_scale N, image.hair_coverage N, image.height C, image.mean_luminance N, \
+    image.non_finite_pixels C, image.width C, \
+    memory.peak_bytes C, \
+    timing.frame_ms N, timing.passes *, timing.setup_ms N, timing.total_ms N, \
+    transport.mean_abs_delta_t 0";
+
+fn figure_names(figures: &Value) -> String {
+    let mut names = Vec::new();
+    for (group, fields) in figures.as_object().unwrap() {
+        for (field, value) in fields.as_object().unwrap() {
+            let kind = match value {
+                Value::String(_) => 'S',
+                Value::Number(n) if n.is_u64() => 'C',
+                Value::Number(_) => 'N',
+                Value::Bool(_) => 'B',
+                Value::Null => '0',
+                Value::Object(passes)
+                    if !passes.is_empty() && passes.values().all(Value::is_f64) =>
+                {
+                    '*'
+                }
+                _ => '?',
+            };
+            names.push(format!("{group}.{field} {kind}"));
+        }
+    }
+    names.sort();
+    names.join(", ")
+}
+
+#[test]
+fn figures_have_the_documented_names_and_verify_fills_in_transmittance() {
+    let folder = tempdir().unwrap();
+    let figures = |more: &[&str]| {
+        captured(folder.path(), &[&SMALL[..], &["--stats", "figures.json"], more].concat());
+        json(&folder.path().join("figures.json"))
+    };
+    let plain = figures(&[]);
+    assert_eq!(figure_names(&plain), FIGURES);
+    assert_eq!(plain["adapter"]["device_type"], "Cpu");
+    assert_eq!((&plain["image"]["width"], &plain["image"]["height"]), (&64.into(), &48.into()));
+    assert_eq!(plain["image"]["non_finite_pixels"], 0);
+    assert_eq!((&plain["hair"]["strands"], &plain["fit"]["lights"]), (&1000.into(), &4.into()));
+    assert_eq!(plain["fit"]["cached"], false);
+    let shaded = plain["hair"]["points_shaded"].as_u64().unwrap();
+    assert!(shaded > 0 && shaded < plain["hair"]["points"].as_u64().unwrap(), "{shaded}");
+
+    let verified = figures(&["--verify"]);
+    assert_eq!(figure_names(&verified), FIGURES.replace("delta_t 0", "delta_t N"));
+    let error = verified["transport"]["mean_abs_delta_t"].as_f64().unwrap();
+    assert!(error > 0.0 && error < 0.2, "{error}");
+    assert_eq!(verified["fit"]["cached"], true);
+}
+
+// What must hold of any frame.
+
+#[test]
+fn dense_white_hair_sends_back_no_more_than_it_gets() {
+    let folder = tempdir().unwrap();
+    write_unit_map(folder.path());
+    // Mean and greatest radiance of the pixels that hair fills.
+    let radiance = |more: &[&str]| {
+        let scene = "--hair builtin:straight --strands 4000 --head none --env unit.exr --lights 20 \
+                     --size 96x96 --background transparent -o frame.exr";
+        let arguments: Vec<&str> = scene.split_whitespace().chain(more.iter().copied()).collect();
+        captured(folder.path(), &arguments);
+        let frame = Linear::read(&folder.path().join("frame.exr"));
+        let full: Vec<f32> = frame.rgba[..3]
+            .iter()
+            .flat_map(|plane| plane.iter().zip(&frame.hair).filter(|(_, h)| **h > 0.9999))
+            .map(|(&radiance, _)| radiance)
+            .collect();
+        assert!(full.len() > 300, "hair fills pixels: {}", full.len() / 3);
+        let mean = full.iter().sum::<f32>() / full.len() as f32;
+        (mean, full.iter().copied().fold(0.0, f32::max))
+    };
+    for azimuth in ["0", "180"] {
+        for beta in ["3", "8", "20"] {
+            let (mean, most) =
+                radiance(&["--preset", "white", "--beta-r", beta, "--azimuth", azimuth]);
+            println!("white, β_R = {beta}°, from {azimuth}°: mean {mean:.3}, most {most:.3}");
+            assert!(most <= 1.001, "β_R = {beta}°, from {azimuth}°: {most}");
+            assert!(mean >= 0.3, "β_R = {beta}°, from {azimuth}°: {mean}");
+        }
+    }
+    let (_, most) = radiance(&["--preset", "white", "--env-exposure", "1"]);
+    assert!(most > 1.001, "twice the light is told apart: {most}");
+    let (mean, _) = radiance(&["--preset", "black"]);
+    assert!(mean < 0.3, "black hair is told apart: {mean}");
+}
+
+#[test]
+fn a_thin_strand_covers_its_own_area() {
+    const SIDE: f32 = 128.0;
+    let folder = tempdir().unwrap();
+    write_unit_map(folder.path());
+    // One straight strand through the origin, at right angles to the view and askew in the frame.
+    let along = Vec3::new(0.3, 1.0, 0.0).normalize();
+    let points: Vec<Vec3> = (0..=8).map(|i| along * (i as f32 / 8.0 - 0.5)).collect();
+    let hair = Hair {
+        offsets: vec![0, points.len() as u32],
+        thickness: Some(vec![1.0; points.len()]),
+        points,
+        ..Hair::default()
+    };
+    let file = HairFile { hair, header: Header::default(), trailing_bytes: 0 };
+    file.write(&folder.path().join("strand.hair")).unwrap();
+    let pixels_per_unit = 0.5 * SIDE / 5f32.to_radians().tan() / 10.0;
+
+    let area = |width_px: f32, target: &str| {
+        let diameter = (width_px / pixels_per_unit).to_string();
+        let scene = "--hair strand.hair --env unit.exr --lights 1 --size 128x128 --samples 64 \
+                     --background transparent --position 0,0,10 --fov 10 -o frame.exr";
+        let arguments: Vec<&str> = scene
+            .split_whitespace()
+            .chain(["--diameter", diameter.as_str(), "--target", target])
+            .collect();
+        captured(folder.path(), &arguments);
+        let frame = Linear::read(&folder.path().join("frame.exr"));
+        assert_eq!(frame.rgba[3], frame.hair, "alpha is coverage");
+        for (plane, hair) in frame.rgba[..3].iter().flat_map(|p| p.iter().zip(&frame.hair)) {
+            // Premultiplied: under a light of 1 no channel exceeds its pixel's coverage.
+            assert!(*plane <= 1.001 * hair && (*hair == 0.0 || *plane > 0.0), "{plane} {hair}");
+        }
+        frame.hair.iter().sum::<f32>()
+    };
+    for width_px in [0.2, 0.6] {
+        let exact = width_px * pixels_per_unit;
+        let still = area(width_px, "0,0,0");
+        println!("{width_px} px: {still} for {exact}");
+        assert!((still / exact - 1.0).abs() < 0.03, "{width_px} px: {still} for {exact}");
+        // A third of a pixel, aslant.
+        let turned = area(width_px, "0.004,0.002,0");
+        println!("{width_px} px: {turned} turned");
+        assert!((turned / still - 1.0).abs() < 0.02, "{width_px} px: {turned} after {still}");
+    }
+    let wider = area(0.22, "0,0,0") / (0.2 * pixels_per_unit);
+    assert!((wider - 1.0).abs() > 0.03, "10 % more width is told apart: {wider}");
+}
+
+#[test]
+fn one_scene_gives_one_frame() {
+    let folder = tempdir().unwrap();
+    let bytes = |more: &[&str]| {
+        captured(folder.path(), &[&SMALL[..], more].concat());
+        fs::read(folder.path().join("hairlight.png")).unwrap()
+    };
+    // The first run fits the lights, the second reads them.
+    let first = bytes(&[]);
+    assert!(first == bytes(&[]), "two runs of one scene");
+    assert!(first != bytes(&["--seed", "2"]), "another seed is told apart");
+}
+
+#[test]
+fn a_turntable_writes_numbered_frames_and_equal_angles_are_equal() {
+    let folder = tempdir().unwrap();
+    captured(folder.path(), &[&SMALL[..], &["-o", "still.png"]].concat());
+    captured(folder.path(), &[&SMALL[..], &["-o", "two.png", "--turntable", "2"]].concat());
+    captured(folder.path(), &[&SMALL[..], &["-o", "four.png", "--turntable", "4"]].concat());
+    let mut names: Vec<String> = fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name != "cache")
+        .collect();
+    names.sort();
+    let frames = |stem: &str, count: u32| -> Vec<String> {
+        (0..count).map(|i| format!("{stem}.{i:04}.png")).collect()
+    };
+    let mut expected = [frames("four", 4), frames("two", 2)].concat();
+    expected.insert(4, "still.png".to_owned());
+    assert_eq!(names, expected);
+
+    let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert!(bytes("two.0000.png") == bytes("still.png"), "0°");
+    assert!(bytes("two.0000.png") == bytes("four.0000.png"), "0°");
+    assert!(bytes("two.0001.png") == bytes("four.0002.png"), "180°");
+    assert!(bytes("two.0000.png") != bytes("two.0001.png"), "another angle is told apart");
+}
+
+#[test]
+fn a_frame_that_cannot_be_written_is_one_line_and_leaves_nothing() {
+    let folder = tempdir().unwrap();
+    // A folder stands where the frame should go: the rename fails for every user.
+    fs::create_dir(folder.path().join("taken.png")).unwrap();
+    fs::write(folder.path().join("jpeg.toml"), "output.path = 'frame.jpg'").unwrap();
+    for (more, says) in [
+        (&["-o", "taken.png"][..], "taken.png: cannot be written"),
+        (&["-o", "taken.png/absent/frame.png"], "make it first"),
+        (&["--stats", "absent/figures.json"], "make it first"),
+        (&["jpeg.toml"], ".png or .exr"),
+    ] {
+        let output = capture(folder.path(), &[&SMALL[..], more].concat());
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{more:?}: {error}");
+        assert!(error.lines().count() == 1 && error.contains(says), "{more:?}: {error}");
+    }
+    let mut left: Vec<_> = fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name()).collect();
+    left.retain(|name| name != "cache");
+    left.sort();
+    assert_eq!(left, ["jpeg.toml", "taken.png"]);
+}
