@@ -42,6 +42,32 @@ fn write_unit_map(folder: &Path) {
     write_rgb_file(folder.join("unit.exr"), 16, 8, |_, _| (1f32, 1f32, 1f32)).unwrap();
 }
 
+/// Writes strands of one thickness as `strands.hair`.
+fn write_hair(folder: &Path, strands: impl Iterator<Item = Vec<Vec3>>) {
+    let mut hair = Hair { offsets: vec![0], ..Hair::default() };
+    for points in strands {
+        hair.points.extend(points);
+        hair.offsets.push(hair.points.len() as u32);
+    }
+    hair.thickness = Some(vec![1.0; hair.points.len()]);
+    let file = HairFile { hair, header: Header::default(), trailing_bytes: 0 };
+    file.write(&folder.join("strands.hair")).unwrap();
+}
+
+/// A drooping tuft, for frames that must be quick.
+fn write_tuft(folder: &Path) {
+    let strand = |k: usize| {
+        let up = 1.0 - k as f32 / 400.0;
+        let (sin, cos) = (2.4 * k as f32).sin_cos();
+        let out = (1.0 - up * up).sqrt() * Vec3::new(cos, 0.0, sin) + up * Vec3::Y;
+        (0..8).map(|i| 0.1 * i as f32).map(|t| t * out - t * t * Vec3::Y).collect()
+    };
+    write_hair(folder, (0..400).map(strand));
+}
+
+const TUFT: [&str; 8] =
+    ["--hair", "strands.hair", "--size", "48x32", "--samples", "4", "--lights", "3"];
+
 /// A linear frame as it was written.
 struct Linear {
     rgba: [Vec<f32>; 4],
@@ -146,17 +172,16 @@ fn an_odd_exr_gives_a_frame_or_one_line_that_names_it() {
         .map(|file| {
             let name = file.file_name().unwrap().to_str().unwrap();
             let folder = tempdir().unwrap();
-            let scene = "--hair builtin:bob --strands 1000 --size 32x32 --samples 4 --lights 3 \
-                         -o frame.png --stats figures.json --env";
-            let arguments: Vec<&str> =
-                scene.split_whitespace().chain([file.to_str().unwrap()]).collect();
+            write_tuft(folder.path());
+            let scene = ["-o", "frame.png", "--stats", "figures.json", "--env"];
+            let arguments = [&TUFT[..], &scene, &[file.to_str().unwrap()]].concat();
             let output = capture(folder.path(), &arguments);
             let error = String::from_utf8(output.stderr).unwrap();
             let wrong = |what: &str| Err(format!("{name}: {what}: {:?}, {error}", output.status));
             let left: Vec<PathBuf> = fs::read_dir(&folder)
                 .unwrap()
                 .map(|e| e.unwrap().path())
-                .filter(|path| !path.ends_with("cache"))
+                .filter(|path| !path.ends_with("cache") && !path.ends_with("strands.hair"))
                 .collect();
             match output.status.code() {
                 Some(0) if !error.is_empty() => wrong("noise"),
@@ -164,7 +189,7 @@ fn an_odd_exr_gives_a_frame_or_one_line_that_names_it() {
                     let figures = json(&folder.path().join("figures.json"));
                     let finite = figures["image"]["non_finite_pixels"] == 0;
                     let whole = image::open(folder.path().join("frame.png"))
-                        .is_ok_and(|frame| frame.width() == 32 && frame.height() == 32);
+                        .is_ok_and(|frame| frame.width() == 48 && frame.height() == 32);
                     if finite && whole && left.len() == 2 { Ok(true) } else { wrong("bad frame") }
                 }
                 Some(1) if error.lines().count() != 1 => wrong("not one line"),
@@ -270,8 +295,8 @@ fn dense_white_hair_sends_back_no_more_than_it_gets() {
     write_unit_map(folder.path());
     // Mean and greatest radiance of the pixels that hair fills.
     let radiance = |more: &[&str]| {
-        let scene = "--hair builtin:straight --strands 4000 --head none --env unit.exr --lights 20 \
-                     --size 96x96 --background transparent -o frame.exr";
+        let scene = "--hair builtin:straight --strands 4000 --head none --env unit.exr --lights 12 \
+                     --size 64x64 --background transparent -o frame.exr";
         let arguments: Vec<&str> = scene.split_whitespace().chain(more.iter().copied()).collect();
         captured(folder.path(), &arguments);
         let frame = Linear::read(&folder.path().join("frame.exr"));
@@ -306,20 +331,15 @@ fn a_thin_strand_covers_its_own_area() {
     write_unit_map(folder.path());
     // One straight strand through the origin, at right angles to the view and askew in the frame.
     let along = Vec3::new(0.3, 1.0, 0.0).normalize();
-    let points: Vec<Vec3> = (0..=8).map(|i| along * (i as f32 / 8.0 - 0.5)).collect();
-    let hair = Hair {
-        offsets: vec![0, points.len() as u32],
-        thickness: Some(vec![1.0; points.len()]),
-        points,
-        ..Hair::default()
-    };
-    let file = HairFile { hair, header: Header::default(), trailing_bytes: 0 };
-    file.write(&folder.path().join("strand.hair")).unwrap();
+    write_hair(
+        folder.path(),
+        std::iter::once((0..=8).map(|i| along * (i as f32 / 8.0 - 0.5)).collect()),
+    );
     let pixels_per_unit = 0.5 * SIDE / 5f32.to_radians().tan() / 10.0;
 
     let area = |width_px: f32, target: &str| {
         let diameter = (width_px / pixels_per_unit).to_string();
-        let scene = "--hair strand.hair --env unit.exr --lights 1 --size 128x128 --samples 64 \
+        let scene = "--hair strands.hair --env unit.exr --lights 1 --size 128x128 --samples 64 \
                      --background transparent --position 0,0,10 --fov 10 -o frame.exr";
         let arguments: Vec<&str> = scene
             .split_whitespace()
@@ -364,13 +384,14 @@ fn one_scene_gives_one_frame() {
 #[test]
 fn a_turntable_writes_numbered_frames_and_equal_angles_are_equal() {
     let folder = tempdir().unwrap();
-    captured(folder.path(), &[&SMALL[..], &["-o", "still.png"]].concat());
-    captured(folder.path(), &[&SMALL[..], &["-o", "two.png", "--turntable", "2"]].concat());
-    captured(folder.path(), &[&SMALL[..], &["-o", "four.png", "--turntable", "4"]].concat());
+    write_tuft(folder.path());
+    captured(folder.path(), &[&TUFT[..], &["-o", "still.png"]].concat());
+    captured(folder.path(), &[&TUFT[..], &["-o", "two.png", "--turntable", "2"]].concat());
+    captured(folder.path(), &[&TUFT[..], &["-o", "four.png", "--turntable", "4"]].concat());
     let mut names: Vec<String> = fs::read_dir(&folder)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| name != "cache")
+        .filter(|name| name.ends_with(".png"))
         .collect();
     names.sort();
     let frames = |stem: &str, count: u32| -> Vec<String> {
@@ -390,6 +411,7 @@ fn a_turntable_writes_numbered_frames_and_equal_angles_are_equal() {
 #[test]
 fn a_frame_that_cannot_be_written_is_one_line_and_leaves_nothing() {
     let folder = tempdir().unwrap();
+    write_tuft(folder.path());
     // A folder stands where the frame should go: the rename fails for every user.
     fs::create_dir(folder.path().join("taken.png")).unwrap();
     fs::write(folder.path().join("jpeg.toml"), "output.path = 'frame.jpg'").unwrap();
@@ -399,7 +421,7 @@ fn a_frame_that_cannot_be_written_is_one_line_and_leaves_nothing() {
         (&["--stats", "absent/figures.json"], "make it first"),
         (&["jpeg.toml"], ".png or .exr"),
     ] {
-        let output = capture(folder.path(), &[&SMALL[..], more].concat());
+        let output = capture(folder.path(), &[&TUFT[..], more].concat());
         let error = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(1), "{more:?}: {error}");
         assert!(error.lines().count() == 1 && error.contains(says), "{more:?}: {error}");
@@ -407,5 +429,5 @@ fn a_frame_that_cannot_be_written_is_one_line_and_leaves_nothing() {
     let mut left: Vec<_> = fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name()).collect();
     left.retain(|name| name != "cache");
     left.sort();
-    assert_eq!(left, ["jpeg.toml", "taken.png"]);
+    assert_eq!(left, ["jpeg.toml", "strands.hair", "taken.png"]);
 }
