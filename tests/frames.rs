@@ -295,8 +295,8 @@ fn dense_white_hair_sends_back_no_more_than_it_gets() {
     write_unit_map(folder.path());
     // Mean and greatest radiance of the pixels that hair fills.
     let radiance = |more: &[&str]| {
-        let scene = "--hair builtin:straight --strands 4000 --head none --env unit.exr --lights 12 \
-                     --size 64x64 --background transparent -o frame.exr";
+        let scene = "--hair builtin:straight --strands 4000 --head none --env unit.exr \
+                     --size 48x48 --background transparent -o frame.exr";
         let arguments: Vec<&str> = scene.split_whitespace().chain(more.iter().copied()).collect();
         captured(folder.path(), &arguments);
         let frame = Linear::read(&folder.path().join("frame.exr"));
@@ -305,19 +305,26 @@ fn dense_white_hair_sends_back_no_more_than_it_gets() {
             .flat_map(|plane| plane.iter().zip(&frame.hair).filter(|(_, h)| **h > 0.9999))
             .map(|(&radiance, _)| radiance)
             .collect();
-        assert!(full.len() > 300, "hair fills pixels: {}", full.len() / 3);
+        assert!(full.len() > 150, "hair fills pixels: {}", full.len() / 3);
         let mean = full.iter().sum::<f32>() / full.len() as f32;
         (mean, full.iter().copied().fold(0.0, f32::max))
     };
+    let mut report = String::new();
     for azimuth in ["0", "180"] {
-        for beta in ["3", "8", "20"] {
-            let (mean, most) =
-                radiance(&["--preset", "white", "--beta-r", beta, "--azimuth", azimuth]);
-            println!("white, β_R = {beta}°, from {azimuth}°: mean {mean:.3}, most {most:.3}");
-            assert!(most <= 1.001, "β_R = {beta}°, from {azimuth}°: {most}");
-            assert!(mean >= 0.3, "β_R = {beta}°, from {azimuth}°: {mean}");
+        for [beta, lights] in [["3", "40"], ["8", "40"], ["20", "40"], ["8", "1"]] {
+            let fibre = ["--preset", "white", "--beta-r", beta];
+            let light = ["--lights", lights, "--azimuth", azimuth];
+            let (mean, most) = radiance(&[fibre, light].concat());
+            let line = format!(
+                "β_R = {beta}°, lights {lights}, from {azimuth}°: mean {mean:.3}, most {most:.3}"
+            );
+            println!("{line}");
+            if most > 1.001 || mean < 0.3 {
+                let _ = writeln!(report, "{line}");
+            }
         }
     }
+    assert!(report.is_empty(), "{report}");
     let (_, most) = radiance(&["--preset", "white", "--env-exposure", "1"]);
     assert!(most > 1.001, "twice the light is told apart: {most}");
     let (mean, _) = radiance(&["--preset", "black"]);
