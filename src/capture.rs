@@ -109,7 +109,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let points = renderer.visible_points(&cameras, scene.output.size, scene.render.samples)?;
     clock.step("visibility")?;
 
-    let lights = place_lights(&fit.lights, scene);
+    let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
     let volume = density(&hair, &diameters, center, radius);
     let occluders = Occluders { volume: &volume, head: head.as_ref() };
     let bar = clock.bar("light transport");

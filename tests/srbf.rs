@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 use hairlight::environment::Environment;
 use hairlight::srbf::{
-    Fit, SrbfLight, blur_map, fit, fit_cached_in, from_json, preview, radiance, to_json, write_json,
+    self, Fit, SrbfLight, blur_map, fit, fit_cached_in, from_json, preview, radiance, to_json,
+    write_json,
 };
 
 fn map_of(width: usize, height: usize, radiance: impl Fn(DVec3) -> [f64; 3]) -> Environment {
@@ -348,4 +349,34 @@ fn real_maps_meet_the_bars_with_40_lights() {
         }
     }
     assert!(failures.is_empty(), "{failures:?}");
+}
+
+#[test]
+fn wide_lights_split_into_the_same_light() {
+    let relative_l2 = |lambda: f64, spoil: f64| {
+        let whole =
+            SrbfLight { direction: DVec3::new(0.6, 0.0, 0.8), lambda, rgb: [1.0, 0.5, 0.25] };
+        let mut parts = srbf::split_wide(&[whole]);
+        assert!(parts.iter().all(|part| part.lambda <= 0.6));
+        let energy: f64 = parts.iter().map(|part| part.energy()[0]).sum();
+        assert!((energy / whole.energy()[0] - 1.0).abs() < 1e-9, "λ = {lambda}: {energy}");
+        let brightest = parts.iter_mut().max_by(|a, b| a.rgb[0].total_cmp(&b.rgb[0]));
+        brightest.expect("a part").rgb[0] *= spoil;
+        let (mut difference, mut norm) = (0.0, 0.0);
+        for i in 0..2000 {
+            let z = f64::from(2 * i + 1) / 2000.0 - 1.0;
+            let (sin, cos) = (2.399_963 * f64::from(i)).sin_cos();
+            let omega = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+            let exact = whole.radiance(omega)[0];
+            difference += (srbf::radiance(&parts, omega)[0] - exact).powi(2);
+            norm += exact * exact;
+        }
+        (difference / norm).sqrt()
+    };
+    for (lambda, most) in [(0.5, 1e-12), (0.7, 0.04), (1.0, 0.015), (2.0, 0.015), (1e3, 0.015)] {
+        let error = relative_l2(lambda, 1.0);
+        println!("λ = {lambda}: {error}");
+        assert!(error <= most, "λ = {lambda}: {error}");
+    }
+    assert!(relative_l2(1.0, 1.5) > 0.03, "a part half as bright again must show");
 }

@@ -3,11 +3,11 @@
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use hairlight::hair::Hair;
 use hairlight::head::Head;
-use hairlight::srbf::{SrbfLight, lobe_integral};
+use hairlight::srbf::{SrbfLight, lobe_integral, sample_lobe};
 use hairlight::transport::rays::RealStrands;
 use hairlight::transport::sheared::{OpticalDepth, Shear};
 use hairlight::transport::volume::Volume;
-use hairlight::transport::{Occluders, Reach, lobe_directions, sample_lobe, transport};
+use hairlight::transport::{Occluders, Reach, lobe_directions, transport};
 
 fn light(direction: Vec3, lambda: f64) -> SrbfLight {
     SrbfLight { direction: direction.as_dvec3().normalize(), lambda, rgb: [1.0, 2.0, 3.0] }

@@ -10,6 +10,7 @@ mod error;
 mod fit;
 mod harmonics;
 mod lights_json;
+mod sample;
 
 use std::f64::consts::PI;
 
@@ -22,6 +23,7 @@ use harmonics::{Harmonics, band_of_blur};
 pub use cache::{cache_folder, fit_cached, fit_cached_in};
 pub use fit::{Fit, MAX_LIGHTS, fit};
 pub use lights_json::{from_json, to_json, write_json};
+pub use sample::{sample_lobe, split_wide};
 
 /// One isotropic SRBF light: L(ω) = rgb · exp(2(ω·direction − 1)/lambda²).
 #[derive(Clone, Copy, Debug, PartialEq)]

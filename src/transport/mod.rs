@@ -17,13 +17,11 @@ pub mod shadow;
 pub mod sheared;
 pub mod volume;
 
-use std::f64::consts::{PI, TAU};
-
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::head::Head;
-use crate::srbf::{SrbfLight, lobe_integral};
+use crate::srbf::{SrbfLight, lobe_integral, sample_lobe};
 use shadow::HeadShadow;
 use sheared::OpticalDepth;
 use volume::Volume;
@@ -80,27 +78,6 @@ impl Reach {
 pub fn lobe_directions(light: &SrbfLight) -> Vec<DVec3> {
     let count = (30.0 * light.lambda.powi(2)).ceil().clamp(1.0, MAX_DIRECTIONS as f64) as usize;
     sample_lobe(light, count)
-}
-
-/// `count` directions that follow the lobe's own density, by its inverse distribution and a golden spiral.
-pub fn sample_lobe(light: &SrbfLight, count: usize) -> Vec<DVec3> {
-    if count == 1 {
-        return vec![light.direction];
-    }
-    let golden = PI * (3.0 - 5f64.sqrt());
-    let (tangent, bitangent) = light.direction.any_orthonormal_pair();
-    let half_lambda2 = 0.5 * light.lambda.powi(2);
-    (0..count)
-        .map(|k| {
-            let u = (k as f64 + 0.5) / count as f64;
-            // 1 − cos γ from the distribution of exp(2(cos γ − 1)/λ²), without cancelling for small λ.
-            let drop =
-                (-half_lambda2 * (u * (-2.0 / half_lambda2).exp_m1()).ln_1p()).clamp(0.0, 2.0);
-            let sin = (drop * (2.0 - drop)).sqrt();
-            let (s, c) = (golden * k as f64 % TAU).sin_cos();
-            (light.direction * (1.0 - drop) + (tangent * c + bitangent * s) * sin).normalize()
-        })
-        .collect()
 }
 
 /// What stands in the light's way.

@@ -5,10 +5,10 @@ use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::{BvhBuildParams, aabb::Aabb, cwbvh::CwBvh, ray::Ray, triangle::Triangle};
 use rayon::prelude::*;
 
-use super::{Reach, sample_lobe};
+use super::Reach;
 use crate::hair::Hair;
 use crate::head::Head;
-use crate::srbf::SrbfLight;
+use crate::srbf::{SrbfLight, sample_lobe};
 
 /// Strands as capsules, and the head's triangles, each under a BVH.
 pub struct RealStrands<'a> {
