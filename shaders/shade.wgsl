@@ -11,9 +11,6 @@
 const D_B = 0.7;
 const D_F = 0.7;
 
-// A light of which less than this share arrives is left out: at most so much of the unshadowed radiance.
-const NEGLIGIBLE = 5e-4;
-
 const SINGLE = 1u;
 const GLOBAL = 2u;
 const LOCAL = 4u;
@@ -23,6 +20,8 @@ struct Light {
     lambda: f32,
     rgb: vec3f,
     energy: f32,        // E_j = ∫G_j dω
+    least: f32,         // share that must arrive for the light to matter
+    pad: array<f32, 3>,
 }
 
 struct Shading {
@@ -76,15 +75,15 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
 
     var total = vec3f(0.0);
     for (var j = 0u; j < shading.lights; j++) {
+        let light = lights[shading.first_light + j];
         let bits = reach[j * shading.slots + slot];
         let direct = square(f32(bits & 1023u) / 1023.0);
         let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
         let open = square(f32((bits >> 18u) & 63u) / 63.0);
         let beyond = square(f32(bits >> 24u) / 255.0);
-        if (max(direct, quarter) < NEGLIGIBLE) {
+        if (max(direct, quarter) < light.least) {
             continue;
         }
-        let light = lights[shading.first_light + j];
         let sin_j = clamp(dot(u, light.direction), -1.0, 1.0);
         let theta_j = asin_accurate(sin_j);
         let d = across(light.direction, axis_x, axis_y);
@@ -111,7 +110,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
 
         // Loops that run once: see resolve.wgsl.
         var scattered = vec3f(0.0);
-        for (var lit = direct >= NEGLIGIBLE; lit; lit = false) {
+        for (var lit = direct >= light.least; lit; lit = false) {
             if ((shading.parts & SINGLE) != 0u) {
                 let m = single_scattering(fibre, theta_o, theta_j, phi, cos_sum, light.lambda);
                 scattered += direct * (energy_o.x * m.r + energy_o.y * m.tt + energy_o.z * m.trt);
@@ -121,7 +120,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
             }
         }
         let forward_energy = light.energy * forward;
-        for (var lit = any(forward >= vec3f(NEGLIGIBLE)); lit; lit = false) {
+        for (var lit = any(forward >= vec3f(light.least)); lit; lit = false) {
             if ((shading.parts & GLOBAL) != 0u) {
                 let m = global_scattering(fibre, theta_o, theta_j, phi, sigma_f);
                 scattered += forward_energy * (energy_o.x * m.r + energy_o.y * m.tt + energy_o.z * m.trt);

@@ -382,7 +382,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             pad
         ]
     );
-    same!(shaders::shade(), "Light", LightEntry, [direction, lambda, rgb, energy]);
+    same!(shaders::shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, pad]);
     same!(
         shaders::shade(),
         "Shading",

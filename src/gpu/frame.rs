@@ -71,6 +71,10 @@ pub struct FibreData {
     pub fibre_table: Vec<[u32; 4]>,
 }
 
+/// A light is left out at a point where less than this share of a fair part of the unshadowed irradiance
+/// arrives from it: all that is left out is at most so much of the whole.
+const NEGLIGIBLE: f64 = 1e-3;
+
 /// Slot of a point whose reach is not known (shaders/shade.wgsl).
 const NO_SLOT: u32 = u32::MAX;
 
@@ -236,6 +240,8 @@ impl Renderer {
     /// Sets the lights (world frame, exposure included) and their packed reach at `points`:
     /// `reach[j][k]` is light j at point `points[k]`. Other points stay dark.
     pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], reach: &[Vec<u32>]) {
+        let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
+        let fair = lights.iter().map(power).sum::<f64>() / lights.len().max(1) as f64;
         let entries: Vec<LightEntry> = lights
             .iter()
             .map(|light| LightEntry {
@@ -243,6 +249,8 @@ impl Renderer {
                 lambda: light.lambda as f32,
                 rgb: Vec3::from(light.rgb.map(|c| c as f32)),
                 energy: lobe_integral(light.lambda) as f32,
+                least: (NEGLIGIBLE * fair / power(light).max(1e-300)).min(1.0) as f32,
+                pad: [0.0; 3],
             })
             .collect();
         let device = &self.gpu.device;

@@ -67,6 +67,8 @@ pub struct LightEntry {
     pub lambda: f32,
     pub rgb: Vec3,
     pub energy: f32,
+    pub least: f32,
+    pub pad: [f32; 3],
 }
 
 /// `Shading` of shaders/shade.wgsl.

@@ -33,6 +33,8 @@ const WIDEST: f64 = 0.6;
 /// Bandwidth of the parts, and their number over the whole sphere.
 const PART: f64 = 0.5;
 const PARTS: usize = 40;
+/// Parts fainter than this share of the brightest are dropped.
+const FAINT: f64 = 0.01;
 /// Sweeps of coordinate descent; the weights have settled to 1e-6 long before.
 const SWEEPS: usize = 200;
 
@@ -69,12 +71,15 @@ pub fn split_wide(lights: &[SrbfLight]) -> Vec<SrbfLight> {
         let target: Vec<f64> = parts.iter().map(against).collect();
         let mut weights = vec![0.0; PARTS];
         non_negative_least_squares(&gram, &target, &mut weights, SWEEPS);
+        // Far from the lobes the weights are ripple: a light each for nothing.
+        let most = weights.iter().copied().fold(0.0, f64::max);
+        weights.iter_mut().filter(|w| **w < FAINT * most).for_each(|w| *w = 0.0);
         let wanted: f64 = wide.iter().map(|light| light.energy()[channel]).sum();
         let found = weights.iter().sum::<f64>() * lobe_integral(PART);
         let scale = if found > 0.0 { wanted / found } else { 0.0 };
         parts.iter_mut().zip(weights).for_each(|(part, w)| part.rgb[channel] = w * scale);
     }
-    rest.extend(parts.into_iter().filter(|part| part.rgb.iter().any(|&c| c > 0.0)));
+    rest.extend(parts.into_iter().filter(|part| part.rgb != [0.0; 3]));
     rest
 }
 
