@@ -319,7 +319,8 @@ fn dense_white_hair_sends_back_no_more_than_it_gets() {
                 "β_R = {beta}°, lights {lights}, from {azimuth}°: mean {mean:.3}, most {most:.3}"
             );
             println!("{line}");
-            if most > 1.001 || mean < 0.3 {
+            // Dual scattering loses most of what goes deep; the lower bound only tells white from black.
+            if most > 1.001 || mean < 0.2 {
                 let _ = writeln!(report, "{line}");
             }
         }
@@ -328,7 +329,7 @@ fn dense_white_hair_sends_back_no_more_than_it_gets() {
     let (_, most) = radiance(&["--preset", "white", "--env-exposure", "1"]);
     assert!(most > 1.001, "twice the light is told apart: {most}");
     let (mean, _) = radiance(&["--preset", "black"]);
-    assert!(mean < 0.3, "black hair is told apart: {mean}");
+    assert!(mean < 0.2, "black hair is told apart: {mean}");
 }
 
 #[test]
