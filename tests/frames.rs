@@ -439,3 +439,28 @@ fn a_frame_that_cannot_be_written_is_one_line_and_leaves_nothing() {
     left.sort();
     assert_eq!(left, ["jpeg.toml", "strands.hair", "taken.png"]);
 }
+
+#[test]
+fn a_turn_by_a_fraction_of_a_pixel_flickers_little() {
+    let folder = tempdir().unwrap();
+    let frame = |azimuth: &str, samples: &str| {
+        let scene = "--hair builtin:bob --strands 3000 --head none --lights 3 --size 320x240 \
+                     --background transparent -o frame.exr --env builtin:overcast";
+        let more = ["--azimuth", azimuth, "--samples", samples];
+        let arguments: Vec<&str> = scene.split_whitespace().chain(more).collect();
+        captured(folder.path(), &arguments);
+        Linear::read(&folder.path().join("frame.exr")).rgba[1].clone()
+    };
+    // What changes between two frames of a slow turn beyond what truly changes, over the frame itself.
+    let (from, to) = (frame("10", "256"), frame("10.05", "256"));
+    let norm = |values: &mut dyn Iterator<Item = f32>| values.map(|v| v * v).sum::<f32>().sqrt();
+    let whole = norm(&mut from.iter().copied());
+    let flicker = |samples: &str| {
+        let (a, b) = (frame("10", samples), frame("10.05", samples));
+        norm(&mut (0..a.len()).map(|i| (b[i] - a[i]) - (to[i] - from[i]))) / whole
+    };
+    let (coarse, usual, fine) = (flicker("4"), flicker("16"), flicker("64"));
+    println!("flicker at 4, 16 and 64 samples: {coarse:.4} {usual:.4} {fine:.4}");
+    // Measured 0.14, 0.075 and 0.036: samples count coverage in sixteenths, and a strand here is half a pixel.
+    assert!(coarse > 0.1 && usual < 0.1 && fine < 0.05, "{coarse} {usual} {fine}");
+}
