@@ -19,7 +19,7 @@ use crate::head::{self, Head};
 use crate::image::{luminance, write_frame};
 use crate::scattering::azimuthal::Energy;
 use crate::scattering::{tables, xu};
-use crate::scene::{self, Scattering, Scene};
+use crate::scene::{self, Energies, Scattering, Scene};
 use crate::srbf::{self, SrbfLight};
 use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
@@ -92,10 +92,14 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let fibre = scene.fibre.resolve();
     let segments = scene.render.segments;
     let tables = tables::build();
+    let energy = match scene.render.energies {
+        Energies::Quadrature => Energy::Quadrature,
+        Energies::Taylor => Energy::Taylor(&tables.absorption),
+    };
     let fibre = FibreData {
         uniform: FibreUniform::new(&fibre, segments),
         circle_table: tables.to_gpu(),
-        fibre_table: xu::fibre_table(&fibre, segments, Energy::Quadrature, &tables),
+        fibre_table: xu::fibre_table(&fibre, segments, energy, &tables),
     };
     let mut renderer = Renderer::new(gpu, &fibre, &hair, &diameters, head.as_ref(), center)?;
     clock.step("upload")?;

@@ -100,6 +100,7 @@ pub struct RenderSpec {
     /// Coverage samples a pixel.
     pub samples: u32,
     pub scattering: Scattering,
+    pub energies: Energies,
     /// `auto`, `cpu`, or part of an adapter's name.
     pub adapter: String,
 }
@@ -109,6 +110,16 @@ choice! {
     Method {
         /// Xu et al. 2011 as printed, but for its misprints.
         Xu = "xu",
+    }
+}
+
+choice! {
+    /// How ∫N_TT and ∫N_TRT are found (Xu 2011, Eq 18, 19, 22, 23).
+    Energies {
+        /// By quadrature over h, which holds for every absorption.
+        Quadrature = "quadrature",
+        /// As printed, by a fourth-order Taylor expansion: fit for σ_a ≤ 1.
+        Taylor = "taylor",
     }
 }
 
@@ -186,6 +197,7 @@ impl Default for RenderSpec {
             segments: 4,
             samples: 16,
             scattering: Scattering::Both,
+            energies: Energies::Quadrature,
             adapter: "auto".to_owned(),
         }
     }

@@ -3,7 +3,7 @@
 use super::fibre::BETA_DEG;
 use super::field::{Alternative, Field, Kind, Slot, Value};
 use super::preset::{self, PRESETS};
-use super::{Background, Method, Orbit, Pigment, Scattering, Scene, UP_WORDS, View};
+use super::{Background, Energies, Method, Orbit, Pigment, Scattering, Scene, UP_WORDS, View};
 
 /// A field that is a plain member of the scene's structs; `key` follows from where it is.
 macro_rules! field {
@@ -287,6 +287,12 @@ pub static FIELDS: &[Field] = &[
         "scattering",
         Kind::Choice(Scattering::WORDS),
         "which scattering is shown; all but both are for study"
+    ),
+    field!(
+        render.energies,
+        "energies",
+        Kind::Choice(Energies::WORDS),
+        "energies of TT and TRT; taylor is as printed, for absorptions up to 1"
     ),
     field!(render.adapter, "adapter", Kind::Text, "auto, cpu, or part of an adapter's name"),
     field!(output.path, "output", Kind::Output(&["png", "exr"]), "image to write",
