@@ -102,8 +102,7 @@ pub fn product(mu_1: f64, lambda_1: f64, mu_2: f64, lambda_2: f64) -> Product {
 
 /// The integral ∫G dω = πλ²(1 − e^{−4/λ²}) of an SRBF over the sphere.
 pub fn srbf_integral(lambda: f64) -> f64 {
-    let x = 4.0 / (lambda * lambda);
-    -4.0 * PI * (-x).exp_m1() / x
+    -PI * lambda * lambda * (-4.0 / (lambda * lambda)).exp_m1()
 }
 
 /// I₀(x)e^{−x} for x ≥ 0, relative error below 1e-14: the power series, whose terms are all

@@ -12,14 +12,14 @@ mod harmonics;
 mod lights_json;
 mod sample;
 
-use std::f64::consts::PI;
-
 use anyhow::{Result, ensure};
 use glam::DVec3;
 
 use crate::environment::{Environment, uv_to_direction};
+use crate::scattering::gaussian::concentration as sharpness;
 use harmonics::{Harmonics, band_of_blur};
 
+pub use crate::scattering::gaussian::srbf_integral as lobe_integral;
 pub use cache::{cache_folder, fit_cached, fit_cached_in};
 pub use fit::{Fit, MAX_LIGHTS, fit};
 pub use lights_json::{from_json, to_json, write_json};
@@ -90,14 +90,4 @@ fn pixel_directions(width: usize, height: usize) -> Vec<DVec3> {
     (0..width * height)
         .map(|i| uv_to_direction([centre(i % width, width), centre(i / width, height)]))
         .collect()
-}
-
-/// Sharpness κ = 2/λ² of the lobe exp(κ(t − 1)).
-fn sharpness(lambda: f64) -> f64 {
-    2.0 / (lambda * lambda)
-}
-
-/// ∫ exp(2(ω·ω_j − 1)/λ²) dω over the sphere.
-pub fn lobe_integral(lambda: f64) -> f64 {
-    -PI * lambda * lambda * (-4.0 / (lambda * lambda)).exp_m1()
 }
