@@ -154,20 +154,20 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         if clock.cancelled() {
             bail!("cancelled");
         }
+        let figures = ImageFigures::of(&frame, scale);
+        if figures.non_finite_pixels > 0 {
+            bail!(
+                "{} pixels came out NaN or infinite: this is a fault of Hairlight; please report the scene",
+                figures.non_finite_pixels
+            );
+        }
         write_frame(path, &frame, scale)?;
         bar.set_position((1000 * (index + 1) / count) as u64);
-        last = Some((frame, frame_ms));
+        last = Some((frame, figures, frame_ms));
     }
     bar.finish_and_clear();
-    let Some((frame, frame_ms)) = last else { bail!("no frame was asked for") };
+    let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
-    let figures = ImageFigures::of(&frame, scale);
-    if figures.non_finite_pixels > 0 {
-        bail!(
-            "{} pixels came out NaN or infinite: this is a fault of Hairlight; please report the scene",
-            figures.non_finite_pixels
-        );
-    }
     let mean_abs_delta_t = options.verify.then(|| {
         let strands = RealStrands::new(&hair, &diameters, head.as_ref());
         strands.mean_abs_delta_t(&points, &lights, &reach, VERIFIED_PAIRS)
