@@ -1,26 +1,22 @@
 //! Capture: a scene in, frames and figures out.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
-use glam::{DMat3, DVec3, Vec3};
-use indicatif::{ProgressBar, ProgressStyle};
+use glam::Vec3;
 
-use crate::environment::{self, Environment};
+use crate::environment;
 use crate::gpu::Gpu;
-use crate::gpu::frame::{Background, Camera, FibreData, Frame, Parts, Renderer};
+use crate::gpu::frame::{Background, FibreData, Frame, Parts, Renderer};
 use crate::gpu::uniforms::FibreUniform;
-use crate::hair::groom::GroomOptions;
-use crate::hair::{self, Hair, LoadOptions, LoadedHair};
-use crate::head::{self, Head};
-use crate::image::{luminance, write_frame};
+use crate::image::write_frame;
+use crate::progress::{Clock, Reporting};
 use crate::scattering::azimuthal::Energy;
 use crate::scattering::{tables, xu};
-use crate::scene::{self, Energies, Scattering, Scene};
-use crate::srbf::{self, SrbfLight};
+use crate::scene::{self, Energies, Lens, Scattering, Scene};
+use crate::srbf;
+use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, place_lights};
 use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
     TransportFigures,
@@ -29,10 +25,6 @@ use crate::transport::rays::RealStrands;
 use crate::transport::volume::Volume;
 use crate::transport::{self, Occluders, Transport};
 
-/// Diffuse reflectance of the head: warm clay.
-const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
-/// Automatic exposure brings the environment's mean luminance here.
-const EXPOSED_MEAN: f32 = 1.0;
 /// Pairs of a point and a light that `--verify` casts rays for.
 const VERIFIED_PAIRS: usize = 4096;
 
@@ -40,29 +32,17 @@ const VERIFIED_PAIRS: usize = 4096;
 pub struct CaptureOptions {
     /// Measure transmittance against rays through the real strands.
     pub verify: bool,
-    /// No progress and no notes on stderr.
-    pub quiet: bool,
-    /// Set to stop; the capture then fails with "cancelled" and leaves no file half written.
-    pub cancelled: &'static AtomicBool,
+    pub reporting: Reporting,
 }
 
 /// Renders the scene's frame, or its turntable, and writes what its output asks for.
 pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
-    let mut clock = Clock::new(options);
+    let mut clock = Clock::new(options.reporting);
     let outputs = Outputs::new(scene)?;
-    let LoadedHair { hair, mended, assumed, .. } = load_hair(scene)?;
-    let head = load_head(scene)?;
-    let diameter = match scene.fibre.diameter {
-        0.0 => {
-            let fitted = hair::fibre_diameter(&hair);
-            clock.note(&format!("fibre diameter {:.3e}: {}", fitted.diameter, fitted.reason));
-            fitted.diameter
-        }
-        given => given as f32,
-    };
-    assumed.iter().chain(&mended.notes).for_each(|line| clock.note(line));
-    let diameters: Vec<f32> = hair::width_profile(&hair).iter().map(|w| w * diameter).collect();
-    let (center, radius) = hair.center_radius();
+    let stage = Geometry::load(scene)?;
+    let Geometry { hair, head, diameters, center, .. } = &stage;
+    let center = *center;
+    stage.notes.iter().for_each(|line| clock.note(line));
     clock.step("geometry")?;
 
     let map = environment::load(&scene.environment.source)?;
@@ -101,20 +81,20 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         circle_table: tables.to_gpu(),
         fibre_table: xu::fibre_table(&fibre, segments, energy, &tables),
     };
-    let mut renderer = Renderer::new(gpu, &fibre, &hair, &diameters, head.as_ref(), center)?;
+    let mut renderer = Renderer::new(gpu, &fibre, &stage)?;
     clock.step("upload")?;
 
-    let [width, height] = scene.output.size;
-    let camera = scene.camera.resolve(center, radius, f64::from(width) / f64::from(height))?;
     let count = outputs.frames.len();
-    let cameras: Vec<Camera> = (0..count)
-        .map(|i| relative(&camera.turned(360.0 * i as f64 / count as f64), center))
+    let camera = stage.camera(scene)?;
+    let lenses: Vec<Lens> = (0..count)
+        .map(|i| camera.turned(360.0 * i as f64 / count as f64).lens(center, scene.output.size))
         .collect();
-    let points = renderer.visible_points(&cameras, scene.output.size, scene.render.samples)?;
+    let pieces = lenses.iter().map(|lens| stage.pieces(lens)).max().unwrap_or(1);
+    let points = renderer.visible_points(&lenses, pieces, scene.render.samples)?;
     clock.step("visibility")?;
 
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let volume = density(&hair, &diameters, center, radius);
+    let volume = density(&stage);
     let occluders = Occluders { volume: &volume, head: head.as_ref() };
     let bar = clock.bar("light transport");
     let places: Vec<Vec3> = points.iter().map(|&i| hair.points[i as usize]).collect();
@@ -141,11 +121,10 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
 
     let mut last = None;
     let bar = clock.bar("frames");
-    for (index, (path, camera)) in outputs.frames.iter().zip(&cameras).enumerate() {
+    for (index, (path, lens)) in outputs.frames.iter().zip(&lenses).enumerate() {
         let started = Instant::now();
         let frame = renderer.render(
-            camera,
-            scene.output.size,
+            lens,
             scene.render.samples,
             background(scene),
             parts(scene.render.scattering),
@@ -169,7 +148,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
     let mean_abs_delta_t = options.verify.then(|| {
-        let strands = RealStrands::new(&hair, &diameters, head.as_ref());
+        let strands = RealStrands::new(hair, diameters, head.as_ref());
         strands.mean_abs_delta_t(&points, &lights, &reach, VERIFIED_PAIRS)
     });
     if let Some(error) = mean_abs_delta_t {
@@ -195,9 +174,9 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             strands: hair.strand_count(),
             points: hair.points.len(),
             points_shaded: shaded.len(),
-            mended: mended.mended,
-            dropped: mended.dropped,
-            fibre_diameter: diameter,
+            mended: stage.mended.mended,
+            dropped: stage.mended.dropped,
+            fibre_diameter: stage.diameter,
         },
         environment: EnvironmentCounts {
             width: map.environment.width,
@@ -262,97 +241,11 @@ fn numbered(path: &Path, index: u32, count: u32) -> PathBuf {
     path.with_file_name(format!("{stem}.{index:0digits$}.{extension}"))
 }
 
-/// Wall times of the set-up, progress and notes.
-struct Clock<'a> {
-    options: &'a CaptureOptions,
-    begun: Instant,
-    last: Instant,
-    steps: BTreeMap<&'static str, f64>,
-}
-
-impl Clock<'_> {
-    fn new(options: &CaptureOptions) -> Clock<'_> {
-        let now = Instant::now();
-        Clock { options, begun: now, last: now, steps: BTreeMap::new() }
-    }
-
-    fn cancelled(&self) -> bool {
-        self.options.cancelled.load(Ordering::Relaxed)
-    }
-
-    /// Ends a step of the set-up.
-    fn step(&mut self, name: &'static str) -> Result<()> {
-        self.steps.insert(name, 1e3 * self.last.elapsed().as_secs_f64());
-        self.last = Instant::now();
-        if self.cancelled() {
-            bail!("cancelled");
-        }
-        Ok(())
-    }
-
-    fn total_ms(&self) -> f64 {
-        1e3 * self.begun.elapsed().as_secs_f64()
-    }
-
-    fn note(&self, line: &str) {
-        if !self.options.quiet {
-            eprintln!("{line}");
-        }
-    }
-
-    /// A bar of 1000 steps; indicatif hides it where stderr is no terminal.
-    fn bar(&self, what: &'static str) -> ProgressBar {
-        if self.options.quiet {
-            return ProgressBar::hidden();
-        }
-        let bar = ProgressBar::new(1000);
-        if let Ok(style) = ProgressStyle::with_template("{msg:16} {bar:40} {percent} %") {
-            bar.set_style(style);
-        }
-        bar.set_message(what);
-        bar
-    }
-}
-
-fn load_hair(scene: &Scene) -> Result<LoadedHair> {
-    let spec = &scene.hair;
-    let groom = GroomOptions {
-        strands: spec.strands as usize,
-        seed: u64::from(spec.seed),
-        length: spec.length as f32,
-        curl: spec.curl as f32,
-        clump: spec.clump.map(|v| v as f32),
-        flyaway: spec.flyaway.map(|v| v as f32),
-    };
-    hair::load(&spec.source, &LoadOptions { up: spec.up, scale: spec.scale as f32, groom })
-}
-
-fn load_head(scene: &Scene) -> Result<Option<Head>> {
-    let source = scene.head_source();
-    source
-        .map(|source| Ok(head::load(source, scene.hair.up, scene.hair.scale as f32)?.head))
-        .transpose()
-}
-
-/// The fit's lights in the world: turned by the environment's rotation, with its exposure.
-fn place_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
-    let turn = DMat3::from_rotation_y(scene.environment.rotation_deg.to_radians());
-    let gain = 2f64.powf(scene.environment.exposure);
-    lights
-        .iter()
-        .filter(|light| light.rgb.iter().any(|&c| c > 0.0))
-        .map(|light| SrbfLight {
-            direction: (turn * light.direction).normalize(),
-            rgb: light.rgb.map(|c| c * gain),
-            ..*light
-        })
-        .collect()
-}
-
 /// The density volume over the hair, strays beyond the fitted radius left out.
-fn density(hair: &Hair, diameters: &[f32], center: Vec3, radius: f32) -> Volume {
+fn density(stage: &Geometry) -> Volume {
+    let Geometry { hair, diameters, center, radius, .. } = stage;
     let (low, high) = hair.bounds();
-    let (low, high) = (low.max(center - radius), high.min(center + radius));
+    let (low, high) = (low.max(*center - *radius), high.min(*center + *radius));
     let segments = hair.strands().flat_map(|range| {
         range
             .clone()
@@ -360,16 +253,6 @@ fn density(hair: &Hair, diameters: &[f32], center: Vec3, radius: f32) -> Volume 
             .map(|i| (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i])))
     });
     Volume::build(segments, low, high, transport::RESOLUTION)
-}
-
-fn relative(camera: &scene::Camera, center: Vec3) -> Camera {
-    let place = |p: DVec3| (p - center.as_dvec3()).as_vec3();
-    Camera {
-        eye: place(camera.position),
-        target: place(camera.target),
-        up: camera.up.as_vec3(),
-        fov_rad: camera.fov_deg.to_radians() as f32,
-    }
 }
 
 fn background(scene: &Scene) -> Background {
@@ -386,17 +269,5 @@ fn parts(scattering: Scattering) -> Parts {
         single: all || scattering == Scattering::Single,
         global: all || scattering == Scattering::Global,
         local: all || scattering == Scattering::Local,
-    }
-}
-
-/// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings the map's
-/// mean luminance to a fixed level, before the environment's own exposure, which so keeps its effect.
-fn exposure_scale(scene: &Scene, map: &Environment) -> f32 {
-    match scene.output.exposure {
-        Some(stops) => 2f64.powf(stops) as f32,
-        None => {
-            let mean = luminance(map.mean_radiance().map(|c| c as f32));
-            if mean > 0.0 { EXPOSED_MEAN / mean } else { 1.0 }
-        }
     }
 }

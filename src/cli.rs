@@ -20,6 +20,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::capture::{self, CaptureOptions};
 use crate::hair::LoadOptions;
 use crate::head::Up;
+use crate::progress::Reporting;
 use crate::scene::{
     Assignment, FIELDS, Field, PRESETS, Scene, Value, field_named, parse_assignment,
 };
@@ -216,12 +217,13 @@ fn run_capture(command: &mut Command, matches: &ArgMatches) -> Result<()> {
     if matches.get_flag("print-scene") {
         return print(&scene.to_toml());
     }
-    let options = CaptureOptions {
-        verify: matches.get_flag("verify"),
-        quiet: matches.get_flag("quiet"),
-        cancelled: &CANCELLED,
-    };
+    let options =
+        CaptureOptions { verify: matches.get_flag("verify"), reporting: reporting(matches) };
     capture::run(&scene, &options)
+}
+
+fn reporting(matches: &ArgMatches) -> Reporting {
+    Reporting { quiet: matches.get_flag("quiet"), cancelled: &CANCELLED }
 }
 
 /// All flags and `--set`s as one level, in the order typed.

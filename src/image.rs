@@ -37,7 +37,7 @@ pub fn tone_map(rgb: [f32; 3]) -> [f32; 3] {
 }
 
 /// sRGB transfer function, 0…1 to a byte.
-fn srgb8(linear: f32) -> u8 {
+pub fn srgb8(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
     let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     (255.0 * encoded).round() as u8

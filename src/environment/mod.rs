@@ -85,6 +85,26 @@ impl Environment {
             .to_array()
     }
 
+    /// Radiance from a unit direction as it is shown behind the hair: by a cubic B-spline over the 4 × 4 nearest
+    /// pixels, which has no negative lobes and hides the pixels of a map that the lens magnifies. Twin:
+    /// `environment_radiance` of shaders/resolve.wgsl.
+    pub fn smooth_radiance(&self, direction: DVec3) -> [f64; 3] {
+        let [u, v] = direction_to_uv(direction);
+        let (x, y) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);
+        let (left, top) = (x.floor(), y.floor());
+        let (across, down) = (b_spline(x - left), b_spline(y - top));
+        let mut sum = DVec3::ZERO;
+        for (j, down) in down.into_iter().enumerate() {
+            let row = (top as i64 + j as i64 - 1).clamp(0, self.height as i64 - 1) as usize;
+            for (i, across) in across.into_iter().enumerate() {
+                let column = (left as i64 + i as i64 - 1).rem_euclid(self.width as i64) as usize;
+                let pixel = self.pixels[row * self.width + column].map(f64::from);
+                sum += across * down * DVec3::from(pixel);
+            }
+        }
+        sum.to_array()
+    }
+
     /// Mean over the sphere, weighted by solid angle.
     pub fn mean_radiance(&self) -> [f64; 3] {
         let mut sum = DVec3::ZERO;
@@ -103,6 +123,13 @@ impl Environment {
         hasher.update(bytemuck::cast_slice(&self.pixels));
         hasher.finalize().to_hex().to_string()
     }
+}
+
+/// Weights of the four nearest samples at t in [0, 1) past the second, for a cubic B-spline.
+fn b_spline(t: f64) -> [f64; 4] {
+    let r = 1.0 - t;
+    let inner = |t: f64| 4.0 + 3.0 * t * t * (t - 2.0);
+    [r * r * r, inner(t), inner(r), t * t * t].map(|w| w / 6.0)
 }
 
 /// A map ready to light with, and what to tell about where it came from.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Result, ensure};
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use wgpu::util::DeviceExt as _;
 
 use super::resources::*;
@@ -13,24 +13,10 @@ use super::uniforms::{
 };
 use super::{Gpu, shaders};
 use crate::environment::Environment;
-use crate::hair::Hair;
-use crate::head::Head;
+use crate::hair::normals;
+use crate::scene::Lens;
 use crate::srbf::{SrbfLight, lobe_integral};
-
-/// A straight piece of a ribbon may leave its curve by this much.
-const CURVE_TOLERANCE_PX: f32 = 0.15;
-const MAX_PIECES: u32 = 8;
-
-/// A pinhole camera, y up.
-#[derive(Clone, Copy, Debug)]
-pub struct Camera {
-    /// Relative to the geometry's centre, as all positions here.
-    pub eye: Vec3,
-    pub target: Vec3,
-    pub up: Vec3,
-    /// Vertical.
-    pub fov_rad: f32,
-}
+use crate::stage::Geometry;
 
 /// What stands behind the hair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,8 +82,6 @@ pub struct Renderer {
     strand_points: wgpu::Buffer,
     segments: wgpu::Buffer,
     indices: RibbonIndices,
-    /// Chord and turn of a sample of segments, to choose how finely to draw curves.
-    bends: Vec<(Vec3, f32, f32)>,
     head_positions: wgpu::Buffer,
     head_corners: wgpu::Buffer,
     head_corner_count: u32,
@@ -122,15 +106,10 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Uploads strands and head. `diameters` has one entry a point; `center` becomes the origin.
-    pub fn new(
-        gpu: Gpu,
-        fibre: &FibreData,
-        hair: &Hair,
-        diameters: &[f32],
-        head: Option<&Head>,
-        center: Vec3,
-    ) -> Result<Renderer> {
+    /// Uploads strands and head; the hair's centre becomes the origin.
+    pub fn new(gpu: Gpu, fibre: &FibreData, stage: &Geometry) -> Result<Renderer> {
+        let Geometry { hair, diameters, frames, head, .. } = stage;
+        let center = stage.center;
         let points = hair.points.len() as u32;
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         ensure!(
@@ -139,46 +118,24 @@ impl Renderer {
             limit / 32
         );
         let mut data: Vec<Vec4> = Vec::with_capacity(2 * hair.points.len());
-        let mut segments: Vec<u32> = Vec::with_capacity(hair.points.len());
-        let mut bends = Vec::new();
-        let bend_stride = (hair.points.len() / 4096).max(1);
-        for pair in hair.offsets.windows(2) {
-            let (first, end) = (pair[0] as usize, pair[1] as usize);
-            let strand = &hair.points[first..end];
-            // Each strand's ellipse stands at an angle of its own and turns no more than the strand does.
-            let mut minor = Vec3::ZERO;
-            let tangent = |i: usize| {
-                let (a, b) = (i.saturating_sub(1), (i + 1).min(strand.len() - 1));
-                (strand[b] - strand[a]).normalize_or(Vec3::Y)
-            };
-            for (i, &p) in strand.iter().enumerate() {
-                data.push((p - center).extend(diameters[first + i]));
-                let u = tangent(i);
-                let (x, y) = normals(u);
-                minor = match i {
-                    0 => {
-                        let (sin, cos) = (2.399_963 * pair[0] as f32).sin_cos();
-                        x * cos + y * sin
-                    }
-                    _ => minor.reject_from_normalized(u).normalize_or(x),
-                };
-                data.push(u.extend(minor.dot(y).atan2(minor.dot(x))));
-                if i + 1 < strand.len() {
-                    segments.push((first + i) as u32);
-                    if (first + i) % bend_stride == 0 {
-                        let turn = tangent(i).angle_between(tangent(i + 1));
-                        bends.push((p - center, p.distance(strand[i + 1]), turn));
-                    }
-                }
-            }
+        for (i, &p) in hair.points.iter().enumerate() {
+            let (u, axis) = (frames.tangents[i], frames.axes[i]);
+            let (x, y) = normals(u);
+            data.push((p - center).extend(diameters[i]));
+            data.push(u.extend(axis.dot(y).atan2(axis.dot(x))));
         }
+        let segments: Vec<u32> = hair
+            .strands()
+            .flat_map(|r| r.start as u32..r.end.max(r.start + 1) as u32 - 1)
+            .collect();
         let device = &gpu.device;
         let strand_points = storage(device, "strand points", bytemuck::cast_slice(&data));
         let segment_buffer = storage(device, "segments", bytemuck::cast_slice(&segments));
-        let (positions, corners): (Vec<Vec4>, Vec<u32>) = head.map_or(Default::default(), |head| {
-            let positions = head.positions.iter().map(|&p| (p - center).extend(1.0)).collect();
-            (positions, head.triangles.iter().flatten().copied().collect())
-        });
+        let (positions, corners): (Vec<Vec4>, Vec<u32>) =
+            head.as_ref().map_or(Default::default(), |head| {
+                let positions = head.positions.iter().map(|&p| (p - center).extend(1.0)).collect();
+                (positions, head.triangles.iter().flatten().copied().collect())
+            });
         let head_positions = storage(device, "head positions", bytemuck::cast_slice(&positions));
         let head_corners = storage(device, "head corners", bytemuck::cast_slice(&corners));
         let dark = vec![Vec4::ZERO; positions.len()];
@@ -196,7 +153,6 @@ impl Renderer {
             strand_points,
             segments: segment_buffer,
             indices,
-            bends,
             head_positions,
             head_corners,
             head_corner_count: corners.len() as u32,
@@ -221,31 +177,33 @@ impl Renderer {
         })
     }
 
-    /// Draws only the segments that `keep` holds for.
-    fn draw_segments(&mut self, keep: impl Fn(usize) -> bool) {
+    /// Draws only the segments that `keep` holds for, each in `pieces` straight pieces.
+    fn draw_segments(&mut self, pieces: u32, keep: impl Fn(usize) -> bool) {
         let drawn: Vec<u32> =
             self.every_segment.iter().copied().filter(|&first| keep(first as usize)).collect();
         let device = &self.gpu.device;
         self.segments = storage(device, "segments", bytemuck::cast_slice(&drawn));
         self.segment_count = drawn.len() as u32;
-        self.indices = RibbonIndices::new(device, self.segment_count, self.indices.pieces);
+        self.indices = RibbonIndices::new(device, self.segment_count, pieces);
     }
 
-    /// The strand points that frames from `cameras` need, each once.
+    /// The strand points that frames through `lenses`, of one size, need, each once. From now on segments are
+    /// drawn in `pieces` straight pieces (`hair::pieces`).
     pub fn visible_points(
         &mut self,
-        cameras: &[Camera],
-        size: [u32; 2],
+        lenses: &[Lens],
+        pieces: u32,
         samples: u32,
     ) -> Result<Vec<u32>> {
-        self.draw_segments(|_| true);
+        self.draw_segments(pieces, |_| true);
+        let size = lenses.first().map_or([1; 2], |lens| lens.size);
         let (work, sampling) = self.begin(size, samples)?;
         let mark = self.mark_groups(&work);
         let mut timer = PassTimer::new(&self.gpu);
-        for camera in cameras {
+        for lens in lenses {
             for pass in 0..sampling.passes {
                 let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-                let view = self.view(camera, size, Background::Transparent, sampling, pass);
+                let view = self.view(lens, Background::Transparent, sampling, pass);
                 self.find(&mut encoder, &mut timer, &work, &mark, &view);
                 self.gpu.queue.submit([encoder.finish()]);
             }
@@ -279,7 +237,9 @@ impl Renderer {
         }
         self.slots = storage(device, "slots", bytemuck::cast_slice(&slots));
         self.slot_count = points.len() as u32;
-        self.draw_segments(|first| slots[first] != NO_SLOT && slots[first + 1] != NO_SLOT);
+        self.draw_segments(self.indices.pieces, |first| {
+            slots[first] != NO_SLOT && slots[first + 1] != NO_SLOT
+        });
         let device = &self.gpu.device;
         let limit = device.limits().max_storage_buffer_binding_size;
         let per_group = (limit / (4 * points.len().max(1) as u64)).max(1) as usize;
@@ -333,23 +293,22 @@ impl Renderer {
     /// Renders a frame with at least `samples` samples a pixel (a multiple of four is taken).
     pub fn render(
         &mut self,
-        camera: &Camera,
-        size: [u32; 2],
+        lens: &Lens,
         samples: u32,
         background: Background,
         parts: Parts,
     ) -> Result<Frame> {
+        let size = lens.size;
         let (work, sampling) = self.begin(size, samples)?;
         let mark = self.mark_groups(&work);
         let end = self.bind_at(&self.end_pipeline, &[buffer(2, &work.needed)]);
-        let shade = self.shading_groups(camera, parts, &work);
+        let shade = self.shading_groups(lens, parts, &work);
         let tiles = size.map(|s| s.div_ceil(8));
         let mut timer = PassTimer::new(&self.gpu);
         for pass in 0..sampling.passes {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            let view = self.view(camera, size, background, sampling, pass);
+            let view = self.view(lens, background, sampling, pass);
             self.find(&mut encoder, &mut timer, &work, &mark, &view);
-            let view = view.buffer;
             {
                 let mut compute = begin(&mut encoder, "shade", timer.compute("shade"));
                 compute.set_pipeline(&self.shade_pipeline);
@@ -421,12 +380,9 @@ impl Renderer {
         timer: &mut PassTimer,
         work: &Work,
         [mark, plan]: &[wgpu::BindGroup; 2],
-        view: &View,
+        view: &wgpu::Buffer,
     ) {
-        if self.indices.pieces != view.pieces {
-            self.indices = RibbonIndices::new(&self.gpu.device, self.segment_count, view.pieces);
-        }
-        self.raster(encoder, timer.render("raster"), work, &view.buffer, view.pieces);
+        self.raster(encoder, timer.render("raster"), work, view);
         let mut compute = begin(encoder, "mark", timer.compute("mark"));
         compute.set_pipeline(&self.mark_pipeline);
         compute.set_bind_group(0, mark, &[]);
@@ -456,7 +412,7 @@ impl Renderer {
         })
     }
 
-    fn shading_groups(&self, camera: &Camera, parts: Parts, work: &Work) -> Vec<wgpu::BindGroup> {
+    fn shading_groups(&self, lens: &Lens, parts: Parts, work: &Work) -> Vec<wgpu::BindGroup> {
         let device = &self.gpu.device;
         let layout = self.shade_pipeline.get_bind_group_layout(1);
         let parts =
@@ -465,7 +421,7 @@ impl Renderer {
             .iter()
             .map(|group| {
                 let uniform = ShadingUniform {
-                    eye: camera.eye,
+                    eye: lens.eye.as_vec3(),
                     parts,
                     first_light: group.first,
                     lights: group.count,
@@ -493,7 +449,6 @@ impl Renderer {
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites>,
         work: &Work,
         view: &wgpu::Buffer,
-        pieces: u32,
     ) {
         let device = &self.gpu.device;
         let mut raster = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -538,50 +493,28 @@ impl Renderer {
             raster.set_pipeline(&self.hair_pipeline);
             raster.set_bind_group(0, &group, &[]);
             raster.set_index_buffer(self.indices.buffer.slice(..), wgpu::IndexFormat::Uint32);
-            raster.draw_indexed(0..6 * pieces * self.segment_count, 0, 0..1);
+            raster.draw_indexed(0..6 * self.indices.pieces * self.segment_count, 0, 0..1);
         }
-    }
-
-    /// Straight pieces a segment needs, so that 95 % of them stay within tolerance of their curve: a chord
-    /// of c pixels that turns by δ leaves its curve by cδ/8, and by 1/n² of that in n pieces.
-    fn pieces(&self, camera: &Camera, size: [u32; 2]) -> u32 {
-        let pixels_per_unit = 0.5 * size[1] as f32 / (0.5 * camera.fov_rad).tan();
-        let mut off: Vec<f32> = self
-            .bends
-            .iter()
-            .map(|&(p, chord, turn)| {
-                let distance = p.distance(camera.eye).max(1e-6);
-                chord / distance * pixels_per_unit * turn / 8.0
-            })
-            .collect();
-        off.sort_by(f32::total_cmp);
-        let worst = off.get(off.len() * 95 / 100).copied().unwrap_or(0.0);
-        ((worst / CURVE_TOLERANCE_PX).sqrt().ceil() as u32).clamp(1, MAX_PIECES)
     }
 
     fn view(
         &self,
-        camera: &Camera,
-        size: [u32; 2],
+        lens: &Lens,
         background: Background,
         sampling: Sampling,
         pass: u32,
-    ) -> View {
-        let pieces = self.pieces(camera, size);
-        let jitter = jitter(pass, sampling);
-        let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
-        // Looking straight up or down, any horizontal direction may be the image's up.
-        let side = forward.cross(camera.up);
-        let right = if side.length_squared() > 1e-10 { side.normalize() } else { Vec3::X };
-        let up = right.cross(forward);
-        let half_height = (0.5 * camera.fov_rad).tan();
-        let half_width = half_height * size[0] as f32 / size[1] as f32;
-        // Infinite reversed depth: near / distance.
-        let near = 1e-3 * (camera.target - camera.eye).length().max(1e-6);
-        let shift = 2.0 * jitter / Vec2::new(size[0] as f32, size[1] as f32);
-        let row = |axis: Vec3| axis.extend(-axis.dot(camera.eye));
-        let (x, y, w) = (row(right) / half_width, row(up) / half_height, row(forward));
-        // The image moves against the jitter, y up in clip space and down in pixels.
+    ) -> wgpu::Buffer {
+        let size = lens.size;
+        let [width, height] = size.map(|s| s as f32);
+        let shift = 2.0 * jitter(pass, sampling) / Vec2::new(width, height);
+        let eye = lens.eye.as_vec3();
+        let row = |axis: DVec3| axis.as_vec3().extend(-axis.dot(lens.eye) as f32);
+        let x = row(lens.right / lens.right.length_squared());
+        let y = row(lens.up / lens.up.length_squared());
+        let w = row(lens.forward);
+        // Infinite reversed depth: near / distance. The image moves against the jitter, y up in clip space and
+        // down in pixels.
+        let near = 1e-3 * lens.distance.max(1e-6) as f32;
         let rows = [x - shift.x * w, y + shift.y * w, Vec4::new(0.0, 0.0, 0.0, near), w];
         let (kind, color) = match background {
             Background::Environment => (0, Vec3::ZERO),
@@ -590,13 +523,13 @@ impl Renderer {
         };
         let uniform = ViewUniform {
             clip_from_pos: Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(),
-            eye: camera.eye,
-            pieces,
-            right: right * half_width,
+            eye,
+            pieces: self.indices.pieces,
+            right: lens.right.as_vec3(),
             background: kind,
-            up: up * half_height,
+            up: lens.up.as_vec3(),
             environment_rotation_rad: self.environment_rotation_rad,
-            forward,
+            forward: lens.forward.as_vec3(),
             environment_scale: self.environment_scale,
             background_rgb: color,
             share: 1.0 / sampling.passes as f32,
@@ -604,18 +537,8 @@ impl Renderer {
             grid: sampling.grid,
             pad: 0,
         };
-        View {
-            buffer: uniform_buffer(&self.gpu.device, "view", bytemuck::bytes_of(&uniform)),
-            pieces,
-        }
+        uniform_buffer(&self.gpu.device, "view", bytemuck::bytes_of(&uniform))
     }
-}
-
-/// The camera of one pass on the GPU.
-struct View {
-    buffer: wgpu::Buffer,
-    /// Straight pieces of a segment.
-    pieces: u32,
 }
 
 /// The triangles of all ribbons, for one number of pieces a segment.
@@ -719,14 +642,6 @@ impl Sampling {
         let grid = if samples >= 4 * SAMPLES_PER_TEXEL && fits { 2 } else { 1 };
         Sampling { grid, passes: samples.div_ceil(grid * grid * SAMPLES_PER_TEXEL).max(1) }
     }
-}
-
-/// Two unit vectors at right angles to unit `u` and to each other; shaders/shade.wgsl has the first.
-fn normals(u: Vec3) -> (Vec3, Vec3) {
-    let s = if u.z >= 0.0 { 1.0 } else { -1.0 };
-    let a = -1.0 / (s + u.z);
-    let x = Vec3::new(1.0 + s * u.x * u.x * a, s * u.x * u.y * a, -s * u.x);
-    (x, u.cross(x))
 }
 
 /// Offset of a pass in pixels, within a texel of the grid: the R2 sequence, and 0 for a lone pass.

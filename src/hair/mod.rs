@@ -1,5 +1,6 @@
 //! Strands: what a groom is, wherever it comes from.
 
+mod curve;
 pub mod groom;
 pub mod hair_format;
 mod load;
@@ -10,6 +11,7 @@ mod width;
 use glam::Vec3;
 use std::ops::Range;
 
+pub use curve::{Frames, normals, pieces};
 pub use load::{FileDetails, LoadOptions, LoadedHair, load};
 pub use mend::{Mended, mend};
 pub use width::{Diameter, fibre_diameter, metre, width_profile};

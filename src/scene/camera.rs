@@ -46,6 +46,24 @@ pub struct Camera {
     pub fov_deg: f64,
 }
 
+/// A camera as rays see it: the point (x, y) of the image, both in [−1, 1] with y up, looks along
+/// forward + x·right + y·up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Relative to a chosen centre, as the geometry is that it looks at.
+    pub eye: DVec3,
+    /// Unit vector.
+    pub forward: DVec3,
+    /// Half the image's width at unit distance.
+    pub right: DVec3,
+    /// Half the image's height at unit distance.
+    pub up: DVec3,
+    /// From the eye to what the camera looks at.
+    pub distance: f64,
+    /// Width and height of the image in pixels.
+    pub size: [u32; 2],
+}
+
 impl Default for CameraSpec {
     fn default() -> Self {
         Self { view: View::Orbit(Orbit::default()), target: None, fov_deg: 30.0 }
@@ -102,6 +120,23 @@ fn framing_distance(fov_deg: f64, aspect: f64) -> f64 {
 }
 
 impl Camera {
+    /// This camera for an image of `size`, with `center` as the origin.
+    pub fn lens(&self, center: Vec3, size: [u32; 2]) -> Lens {
+        let to_target = self.target - self.position;
+        let distance = to_target.length();
+        let forward = to_target / distance;
+        let half_height = (self.fov_deg / 2.0).to_radians().tan();
+        let half_width = half_height * f64::from(size[0]) / f64::from(size[1]);
+        Lens {
+            eye: self.position - center.as_dvec3(),
+            forward,
+            right: half_width * forward.cross(self.up),
+            up: half_height * self.up,
+            distance,
+            size,
+        }
+    }
+
     /// This camera after it has gone `angle_deg` further around the vertical through its target,
     /// towards greater azimuth.
     pub fn turned(&self, angle_deg: f64) -> Camera {
@@ -111,5 +146,18 @@ impl Camera {
             up: turn * self.up,
             ..*self
         }
+    }
+}
+
+impl Lens {
+    /// Pixels that a unit length at unit distance spans.
+    pub fn pixels_per_unit(&self) -> f64 {
+        0.5 * f64::from(self.size[1]) / self.up.length()
+    }
+
+    /// Direction, not of unit length, through a place in the image in pixels, y down.
+    pub fn direction(&self, x: f64, y: f64) -> DVec3 {
+        let [width, height] = self.size.map(f64::from);
+        self.forward + (2.0 * x / width - 1.0) * self.right + (1.0 - 2.0 * y / height) * self.up
     }
 }

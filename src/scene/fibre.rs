@@ -51,6 +51,19 @@ pub struct FibreSpec {
     pub eccentricity: f64,
     /// In the hair's unit after `hair.scale`; 0 is automatic.
     pub diameter: f64,
+    pub chiang: ChiangSpec,
+}
+
+/// What the model of Chiang et al. 2016 takes in place of β, w_c and α (pbrt-v4 §9.9); the reference alone
+/// has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ChiangSpec {
+    /// In (0, 1]; `None`: as wide as β_R.
+    pub beta_m: Option<f64>,
+    /// In (0, 1]; `None`: as wide as w_c.
+    pub beta_n: Option<f64>,
+    /// Tilt of the scales; `None`: α_R, whose highlight it moves alike.
+    pub alpha_deg: Option<f64>,
 }
 
 impl Default for FibreSpec {
@@ -69,6 +82,7 @@ impl Default for FibreSpec {
             w_c: 0.0,
             eccentricity: 1.0,
             diameter: 0.0,
+            chiang: ChiangSpec::default(),
         };
         fibre.set_preset(&PRESETS[0]);
         fibre

@@ -11,8 +11,8 @@ mod field;
 mod preset;
 mod table;
 
-pub use camera::{Camera, CameraSpec, Orbit, View};
-pub use fibre::{FibreSpec, Pigment};
+pub use camera::{Camera, CameraSpec, Lens, Orbit, View};
+pub use fibre::{ChiangSpec, FibreSpec, Pigment};
 pub use field::{Alternative, Field, Kind, Value};
 pub use preset::{PRESETS, Preset};
 pub use table::FIELDS;

@@ -17,6 +17,19 @@ macro_rules! field {
     };
 }
 
+/// A field of `fibre.chiang`.
+macro_rules! chiang_field {
+    ($name:ident, $flag:literal, $kind:expr, $help:literal $(, $more:ident: $value:expr)*) => {
+        Field {
+            get: |scene| Some(scene.fibre.chiang.$name.value()),
+            set: |scene, value| scene.fibre.chiang.$name.assign(value),
+            unset: Some("linked"),
+            $($more: $value,)*
+            ..field(concat!("fibre.chiang.", stringify!($name)), $flag, $kind, $help)
+        }
+    };
+}
+
 const fn field(key: &'static str, flag: &'static str, kind: Kind, help: &'static str) -> Field {
     Field {
         key,
@@ -45,6 +58,7 @@ const STOPS: Kind = Kind::Number { min: -20.0, max: 20.0 };
 const BETA: Kind = Kind::Number { min: BETA_DEG[0], max: BETA_DEG[1] };
 const ALPHA: Kind = Kind::Number { min: -20.0, max: 20.0 };
 const POINT: Kind = Kind::Vector { min: -1e9, max: 1e9 };
+const ROUGHNESS: Kind = Kind::Number { min: 0.01, max: 1.0 };
 const CONCENTRATION: Kind = Kind::Number { min: 0.0, max: 100.0 };
 
 /// All fields, in the order of a scene file.
@@ -219,6 +233,20 @@ pub static FIELDS: &[Field] = &[
         Kind::Number { min: 0.0, max: 1e6 },
         "diameter of a fibre, in the hair's unit; 0 fits it to the hair"
     ),
+    chiang_field!(
+        beta_m,
+        "chiang-beta-m",
+        ROUGHNESS,
+        "pbrt's longitudinal roughness, for the reference; linked follows beta_r_deg"
+    ),
+    chiang_field!(
+        beta_n,
+        "chiang-beta-n",
+        ROUGHNESS,
+        "pbrt's azimuthal roughness, for the reference; linked follows w_c"
+    ),
+    chiang_field!(alpha_deg, "chiang-alpha", ALPHA,
+        "pbrt's tilt of the scales, for the reference; linked is alpha_r_deg", unit: "degrees"),
     Field {
         alternative: view_by("position"),
         get: |scene| match scene.camera.view {

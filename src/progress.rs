@@ -1,0 +1,70 @@
+//! Long work shows how far it is, says what it noticed, and can be cancelled.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::{Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How a command reports.
+#[derive(Clone, Copy)]
+pub struct Reporting {
+    /// No progress and no notes on stderr.
+    pub quiet: bool,
+    /// Set to stop; the command then fails with "cancelled" and leaves no file half written.
+    pub cancelled: &'static AtomicBool,
+}
+
+/// Wall times of a command's steps, progress and notes.
+pub struct Clock {
+    reporting: Reporting,
+    begun: Instant,
+    last: Instant,
+    /// Milliseconds.
+    pub steps: BTreeMap<&'static str, f64>,
+}
+
+impl Clock {
+    pub fn new(reporting: Reporting) -> Clock {
+        let now = Instant::now();
+        Clock { reporting, begun: now, last: now, steps: BTreeMap::new() }
+    }
+
+    pub fn cancelled(&self) -> bool {
+        self.reporting.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Ends a step; the error is that of a cancelled command.
+    pub fn step(&mut self, name: &'static str) -> Result<()> {
+        self.steps.insert(name, 1e3 * self.last.elapsed().as_secs_f64());
+        self.last = Instant::now();
+        if self.cancelled() {
+            bail!("cancelled");
+        }
+        Ok(())
+    }
+
+    pub fn total_ms(&self) -> f64 {
+        1e3 * self.begun.elapsed().as_secs_f64()
+    }
+
+    pub fn note(&self, line: &str) {
+        if !self.reporting.quiet {
+            eprintln!("{line}");
+        }
+    }
+
+    /// A bar of 1000 steps; indicatif hides it where stderr is no terminal.
+    pub fn bar(&self, what: &'static str) -> ProgressBar {
+        if self.reporting.quiet {
+            return ProgressBar::hidden();
+        }
+        let bar = ProgressBar::new(1000);
+        if let Ok(style) = ProgressStyle::with_template("{msg:16} {bar:40} {percent} %") {
+            bar.set_style(style);
+        }
+        bar.set_message(what);
+        bar
+    }
+}

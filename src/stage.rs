@@ -1,0 +1,115 @@
+//! The stage: what a scene names, loaded and placed in the world. The real-time frame and the reference both
+//! stand on it.
+
+use anyhow::Result;
+use glam::{DMat3, Vec3};
+
+use crate::environment::Environment;
+use crate::hair::groom::GroomOptions;
+use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
+use crate::head::{self, Head};
+use crate::image::luminance;
+use crate::scene::{Camera, Lens, Scene};
+use crate::srbf::SrbfLight;
+
+/// Diffuse reflectance of the head: warm clay.
+pub const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
+/// Automatic exposure brings the environment's mean luminance here.
+const EXPOSED_MEAN: f32 = 1.0;
+
+/// Strands and head.
+pub struct Geometry {
+    pub hair: Hair,
+    pub head: Option<Head>,
+    /// Diameter of a fibre at its thickest, world units.
+    pub diameter: f32,
+    /// Diameter at each point.
+    pub diameters: Vec<f32>,
+    pub frames: Frames,
+    /// A sphere around the hair.
+    pub center: Vec3,
+    pub radius: f32,
+    pub mended: Mended,
+    /// What was assumed and mended, a line each.
+    pub notes: Vec<String>,
+}
+
+impl Geometry {
+    pub fn load(scene: &Scene) -> Result<Geometry> {
+        let LoadedHair { hair, mended, assumed, .. } = load_hair(scene)?;
+        let head = load_head(scene)?;
+        let mut notes = Vec::new();
+        let diameter = match scene.fibre.diameter {
+            0.0 => {
+                let fitted = hair::fibre_diameter(&hair);
+                notes.push(format!("fibre diameter {:.3e}: {}", fitted.diameter, fitted.reason));
+                fitted.diameter
+            }
+            given => given as f32,
+        };
+        notes.extend(assumed.iter().chain(&mended.notes).cloned());
+        let diameters = hair::width_profile(&hair).iter().map(|w| w * diameter).collect();
+        let frames = Frames::new(&hair);
+        let (center, radius) = hair.center_radius();
+        Ok(Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes })
+    }
+
+    /// The scene's camera, in the world.
+    pub fn camera(&self, scene: &Scene) -> Result<Camera> {
+        let [width, height] = scene.output.size.map(f64::from);
+        scene.camera.resolve(self.center, self.radius, width / height)
+    }
+
+    /// Straight pieces that each segment is drawn in for this view.
+    pub fn pieces(&self, lens: &Lens) -> u32 {
+        let eye = lens.eye + self.center.as_dvec3();
+        hair::pieces(&self.hair, &self.frames.tangents, eye, lens.pixels_per_unit())
+    }
+}
+
+fn load_hair(scene: &Scene) -> Result<LoadedHair> {
+    let spec = &scene.hair;
+    let groom = GroomOptions {
+        strands: spec.strands as usize,
+        seed: u64::from(spec.seed),
+        length: spec.length as f32,
+        curl: spec.curl as f32,
+        clump: spec.clump.map(|v| v as f32),
+        flyaway: spec.flyaway.map(|v| v as f32),
+    };
+    hair::load(&spec.source, &LoadOptions { up: spec.up, scale: spec.scale as f32, groom })
+}
+
+fn load_head(scene: &Scene) -> Result<Option<Head>> {
+    let source = scene.head_source();
+    source
+        .map(|source| Ok(head::load(source, scene.hair.up, scene.hair.scale as f32)?.head))
+        .transpose()
+}
+
+/// The fit's lights in the world: turned by the environment's rotation, with its exposure.
+pub fn place_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
+    let turn = DMat3::from_rotation_y(scene.environment.rotation_deg.to_radians());
+    let gain = 2f64.powf(scene.environment.exposure);
+    lights
+        .iter()
+        .filter(|light| light.rgb.iter().any(|&c| c > 0.0))
+        .map(|light| SrbfLight {
+            direction: (turn * light.direction).normalize(),
+            rgb: light.rgb.map(|c| c * gain),
+            ..*light
+        })
+        .collect()
+}
+
+/// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings the map's
+/// mean luminance to a fixed level, before the environment's own exposure, which so keeps its effect.
+pub fn exposure_scale(scene: &Scene, map: &Environment) -> f32 {
+    match scene.output.exposure {
+        Some(stops) => 2f64.powf(stops) as f32,
+        None => {
+            let mean = luminance(map.mean_radiance().map(|c| c as f32));
+            if mean > 0.0 { EXPOSED_MEAN / mean } else { 1.0 }
+        }
+    }
+}
