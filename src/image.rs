@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use exr::meta::attribute::AttributeValue;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Vec2, WritableImage,
 };
@@ -75,40 +76,61 @@ impl Format {
 /// Writes a frame by its extension: `.png` tone mapped after multiplying by `scale`, `.exr` in linear
 /// f32 as it is (R, G, B, A premultiplied, and `hair`, the coverage by hair).
 pub fn write_frame(path: &Path, frame: &Frame, scale: f32) -> Result<()> {
-    let [width, height] = frame.size;
     match Format::of(path)? {
-        Format::Png => {
-            let bytes: Vec<u8> =
-                frame.pixels.par_iter().flat_map_iter(|&p| display(p, scale)).collect();
-            write_png(path, &bytes, width, height, image::ExtendedColorType::Rgba8)
-        }
+        Format::Png => write_display(path, frame.size, &frame.pixels, scale),
         Format::Exr => {
-            let channel =
-                |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
             let plane = |c: usize| frame.pixels.iter().map(|p| p[c]).collect();
-            let channels = AnyChannels::sort(
-                [
-                    channel("R", plane(0)),
-                    channel("G", plane(1)),
-                    channel("B", plane(2)),
-                    channel("A", plane(3)),
-                    channel("hair", frame.hair_coverage.clone()),
-                ]
-                .into_iter()
-                .collect(),
-            );
-            let layer = Layer::new(
-                Vec2(width as usize, height as usize),
-                LayerAttributes::default(),
-                Encoding::FAST_LOSSLESS,
-                channels,
-            );
-            let image = exr::prelude::Image::from_layer(layer);
-            write_whole(path, |file| {
-                image.write().to_buffered(std::io::BufWriter::new(file)).map_err(Into::into)
-            })
+            let colors = ["R", "G", "B", "A"].into_iter().enumerate();
+            let mut channels: Vec<_> = colors.map(|(c, name)| (name, plane(c))).collect();
+            channels.push(("hair", frame.hair_coverage.clone()));
+            write_exr(path, frame.size, channels, &[])
         }
     }
+}
+
+/// Writes premultiplied linear pixels as a PNG, tone mapped after multiplying by `scale`.
+pub fn write_display(
+    path: &Path,
+    [width, height]: [u32; 2],
+    pixels: &[[f32; 4]],
+    scale: f32,
+) -> Result<()> {
+    let bytes: Vec<u8> = pixels.par_iter().flat_map_iter(|&p| display(p, scale)).collect();
+    write_png(path, &bytes, width, height, image::ExtendedColorType::Rgba8)
+}
+
+/// Writes planes of f32 under their names, and text attributes, as an EXR file.
+pub fn write_exr(
+    path: &Path,
+    [width, height]: [u32; 2],
+    channels: Vec<(&str, Vec<f32>)>,
+    attributes: &[(&str, String)],
+) -> Result<()> {
+    let channels = channels
+        .into_iter()
+        .map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values)))
+        .collect();
+    let mut layer_attributes = LayerAttributes::default();
+    for (name, value) in attributes {
+        let value = AttributeValue::Text(value.as_str().into());
+        layer_attributes.other.insert((*name).into(), value);
+    }
+    let layer = Layer::new(
+        Vec2(width as usize, height as usize),
+        layer_attributes,
+        Encoding::FAST_LOSSLESS,
+        AnyChannels::sort(channels),
+    );
+    let image = exr::prelude::Image::from_layer(layer);
+    write_whole(path, |file| {
+        image.write().to_buffered(std::io::BufWriter::new(file)).map_err(Into::into)
+    })
+}
+
+/// Writes sRGB bytes as a PNG.
+pub fn write_png_rgb(path: &Path, picture: &image::RgbImage) -> Result<()> {
+    let (width, height) = picture.dimensions();
+    write_png(path, picture.as_raw(), width, height, image::ExtendedColorType::Rgb8)
 }
 
 /// Writes a lat-long map as a tone-mapped PNG, exposed so that its mean luminance is middle grey.

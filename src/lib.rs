@@ -11,6 +11,8 @@ pub mod gpu;
 pub mod hair;
 pub mod head;
 pub mod image;
+pub mod measure;
+pub mod probe;
 pub mod progress;
 pub mod reference;
 pub mod scattering;

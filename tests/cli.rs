@@ -9,25 +9,25 @@ use tempfile::{TempDir, tempdir};
 
 use crate::scene::{samples, scene_with};
 
-fn hairlight(folder: &Path) -> Command {
+pub fn hairlight(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hairlight"));
     command.current_dir(folder).env("HAIRLIGHT_CACHE", folder.join("cache")).stdin(Stdio::null());
     command
 }
 
-fn run(folder: &Path, arguments: &[&str]) -> Output {
+pub fn run(folder: &Path, arguments: &[&str]) -> Output {
     hairlight(folder).args(arguments).output().expect("the binary runs")
 }
 
-fn stdout(output: &Output) -> String {
+pub fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
-fn stderr(output: &Output) -> String {
+pub fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
-fn names(folder: &Path) -> Vec<String> {
+pub fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
     let mut names: Vec<String> =
         entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();

@@ -38,7 +38,7 @@ fn json(path: &Path) -> Value {
 }
 
 /// A map of radiance 1 from everywhere.
-fn write_unit_map(folder: &Path) {
+pub fn write_unit_map(folder: &Path) {
     write_rgb_file(folder.join("unit.exr"), 16, 8, |_, _| (1f32, 1f32, 1f32)).unwrap();
 }
 
@@ -55,7 +55,7 @@ fn write_hair(folder: &Path, strands: impl Iterator<Item = Vec<Vec3>>) {
 }
 
 /// A drooping tuft, for frames that must be quick.
-fn write_tuft(folder: &Path) {
+pub fn write_tuft(folder: &Path) {
     let strand = |k: usize| {
         let up = 1.0 - k as f32 / 400.0;
         let (sin, cos) = (2.4 * k as f32).sin_cos();

@@ -1,10 +1,17 @@
 //! One binary, a module per room: it links once.
 
+mod chi_square;
 mod cli;
 mod environment;
 mod frames;
 mod groom;
 mod hair;
+mod measure;
+mod reference_cli;
+mod reference_integral;
+mod reference_marschner;
+mod reference_models;
+mod reference_tracer;
 mod scattering;
 mod scene;
 mod srbf;

@@ -5,4 +5,72 @@
 //! fibre's width of an azimuthal one. What the exact integrals need and what the path tracer needs both
 //! follow from that one description.
 
+pub mod adaptive;
+pub mod averages;
+pub mod chiang;
+pub mod deon;
+pub mod detector;
+pub mod hery;
+pub mod integral;
+pub mod longitudinal;
+pub mod marschner;
 pub mod model;
+pub mod render;
+pub mod tracer;
+
+use std::f64::consts::SQRT_2;
+
+use crate::scene::FibreSpec;
+use chiang::Chiang;
+use deon::Deon;
+use marschner::Marschner;
+use model::FibreModel;
+
+/// How a fibre scatters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bcsdf {
+    /// Marschner 2003, each lobe scaled to lose nothing, as the renderer has it.
+    Marschner,
+    /// d'Eon et al. 2011, its attenuation taken at θ_o so that it conserves energy.
+    Deon,
+    /// Chiang et al. 2016, after pbrt-v4.
+    Chiang,
+}
+
+impl Bcsdf {
+    /// Names, in order.
+    pub const WORDS: &[&str] = &["marschner", "deon", "chiang"];
+
+    /// The model of this name; the first for any other.
+    pub fn named(word: &str) -> Bcsdf {
+        match word {
+            "deon" => Bcsdf::Deon,
+            "chiang" => Bcsdf::Chiang,
+            _ => Bcsdf::Marschner,
+        }
+    }
+}
+
+/// Lobes of d'Eon's model by themselves: R, TT, TRT, TRRT; the rest are one.
+pub const DEON_LOBES: usize = 4;
+
+/// The model of a scene's fibre.
+pub fn model_of(bcsdf: Bcsdf, spec: &FibreSpec) -> Box<dyn FibreModel> {
+    let fibre = spec.resolve();
+    match bcsdf {
+        Bcsdf::Marschner => Box::new(Marschner::compensated(&fibre)),
+        // The published form loses or makes up to 15 % where β and α differ from lobe to lobe.
+        Bcsdf::Deon => Box::new(Deon::conserving(&fibre, fibre.w_c / SQRT_2, DEON_LOBES)),
+        Bcsdf::Chiang => {
+            let (beta_m, beta_n) = Chiang::matching(&fibre);
+            let own = spec.chiang;
+            Box::new(Chiang::new(
+                own.beta_m.unwrap_or(beta_m),
+                own.beta_n.unwrap_or(beta_n),
+                own.alpha_deg.map_or(fibre.alpha[0], f64::to_radians),
+                fibre.eta,
+                fibre.sigma_a,
+            ))
+        }
+    }
+}

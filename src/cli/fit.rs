@@ -1,0 +1,83 @@
+//! `hairlight fit`.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, anyhow};
+use clap::{Arg, ArgMatches, Command, value_parser};
+
+use super::{flag, print, quiet, reporting, rows};
+use crate::progress::Clock;
+use crate::scene::{Assignment, Scene, Value, field_named};
+use crate::{environment, image, srbf};
+
+/// Width and height of `--preview`.
+const PREVIEW_SIZE: [usize; 2] = [1024, 512];
+
+pub fn command() -> Command {
+    let lights = field_named("environment.lights").expect("a key of the table");
+    Command::new("fit")
+        .about("Fits lights to an environment map and prints how well they stand for it")
+        .arg(
+            Arg::new("map")
+                .value_name("MAP")
+                .required(true)
+                .help("Lat-long map: .exr, .hdr or builtin:NAME"),
+        )
+        .arg(flag(lights))
+        .arg(
+            Arg::new("output")
+                .long("output")
+                .short('o')
+                .value_name("FILE")
+                .value_parser(value_parser!(PathBuf))
+                .help("Writes the lights as JSON [default: none]"),
+        )
+        .arg(
+            Arg::new("preview")
+                .long("preview")
+                .value_name("FILE")
+                .value_parser(value_parser!(PathBuf))
+                .help("Writes a PNG of the lights as a map [default: none]"),
+        )
+        .arg(quiet())
+}
+
+pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
+    let map = matches.get_one::<String>("map").expect("a required argument");
+    let clock = Clock::new(reporting(matches));
+    let mut scene = Scene::default();
+    let lights = matches.get_many::<Value>("environment.lights").into_iter().flatten();
+    let field = field_named("environment.lights").map_err(|e| anyhow!(e))?;
+    let level = lights.map(|value| Assignment { field, value: value.clone() });
+    scene.apply(level.collect())?;
+
+    let loaded = environment::load(map)?;
+    if loaded.mended.any() {
+        clock.note(&format!("{map}: {}", loaded.mended));
+    }
+    let bar = clock.bar("fitting lights");
+    let fit = srbf::fit_cached(&loaded.environment, scene.environment.lights as usize, &|done| {
+        bar.set_position((f64::from(done) * 1000.0) as u64);
+        !clock.cancelled()
+    });
+    bar.finish_and_clear();
+    let fit = fit.with_context(|| map.clone())?;
+
+    if let Some(path) = matches.get_one::<PathBuf>("preview") {
+        let [width, height] = PREVIEW_SIZE;
+        image::write_png_map(path, &srbf::preview(&fit.lights, width, height))?;
+    }
+    if let Some(path) = matches.get_one::<PathBuf>("output") {
+        srbf::write_json(&fit.lights, path)?;
+    }
+    let percent = |x: f64| format!("{:.2} %", 100.0 * x);
+    print(&rows(&[
+        ("lights", fit.lights.len().to_string()),
+        ("relative L2", percent(fit.relative_l2)),
+        ("blurred, λ = 0.15", percent(fit.relative_l2_blurred_0_15)),
+        ("blurred, λ = 0.3", percent(fit.relative_l2_blurred_0_30)),
+        ("energy ratio", format!("{:.4}", fit.energy_ratio)),
+        ("fitted in", format!("{:.2} s{}", fit.seconds, if fit.cached { ", cached" } else { "" })),
+    ]))
+}
+

@@ -1,0 +1,226 @@
+//! Plots: numbers in, one SVG out, its PNG rasterised from that SVG, and the numbers as CSV.
+//!
+//! A [`Plot`] holds every number that is drawn, so that the CSV and the picture cannot differ. Labels take
+//! `_` before letters and digits as a subscript (`θ_i`).
+
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::fmt::Write;
+use std::sync::{Arc, LazyLock};
+
+use anyhow::{Result, anyhow};
+use resvg::{tiny_skia, usvg};
+
+/// sRGB.
+pub type Colour = [u8; 3];
+
+/// Colours that the colour-blind tell apart (Okabe and Ito 2008).
+pub const COLOURS: [Colour; 7] = [
+    [0, 114, 178],
+    [213, 94, 0],
+    [0, 158, 115],
+    [204, 121, 167],
+    [230, 159, 0],
+    [86, 180, 233],
+    [80, 80, 80],
+];
+
+/// Colours of an ordered series, t in [0, 1]: from dark blue through red to orange, ever lighter.
+pub fn ramp(t: f64) -> Colour {
+    const STOPS: [[f64; 3]; 4] =
+        [[33.0, 36.0, 104.0], [122.0, 33.0, 122.0], [211.0, 67.0, 93.0], [248.0, 160.0, 74.0]];
+    let x = t.clamp(0.0, 1.0) * 3.0;
+    let i = (x as usize).min(2);
+    std::array::from_fn(|c| (STOPS[i][c] + (x - i as f64) * (STOPS[i + 1][c] - STOPS[i][c])) as u8)
+}
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stroke {
+    Line,
+    Dashed,
+    Dots,
+}
+
+/// Points (x, y), or (angle in radians, radius) in a polar panel.
+#[derive(Clone, Debug)]
+pub struct Series {
+    pub name: String,
+    pub points: Vec<[f64; 2]>,
+    pub colour: Colour,
+    pub stroke: Stroke,
+    /// Whether the legend names it.
+    pub listed: bool,
+}
+
+impl Series {
+    /// A line.
+    pub fn new(name: impl Into<String>, colour: Colour, points: Vec<[f64; 2]>) -> Series {
+        Series { name: name.into(), points, colour, stroke: Stroke::Line, listed: true }
+    }
+
+    /// A line through f at `count` ≥ 2 even steps from `low` to `high`.
+    pub fn sampled(
+        name: impl Into<String>,
+        colour: Colour,
+        [low, high]: [f64; 2],
+        count: usize,
+        f: impl Fn(f64) -> f64,
+    ) -> Series {
+        let step = (high - low) / (count - 1) as f64;
+        let points = (0..count).map(|i| low + i as f64 * step).map(|x| [x, f(x)]).collect();
+        Series::new(name, colour, points)
+    }
+
+    pub fn stroke(self, stroke: Stroke) -> Series {
+        Series { stroke, ..self }
+    }
+
+    /// For what belongs to a series that the legend names.
+    pub fn unlisted(self) -> Series {
+        Series { listed: false, ..self }
+    }
+}
+
+/// One axis: what it measures, its ends, and where it is marked with what.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    pub label: String,
+    pub low: f64,
+    pub high: f64,
+    pub ticks: Vec<(f64, String)>,
+    pub log: bool,
+}
+
+impl Axis {
+    /// Marked at multiples of `step`.
+    pub fn linear(label: &str, low: f64, high: f64, step: f64) -> Axis {
+        // Enough to write the step in full.
+        let written = |d: &i32| {
+            let scaled = step * 10f64.powi(*d);
+            (scaled - scaled.round()).abs() < 1e-9
+        };
+        let decimals = (0..6).find(written).unwrap_or(6) as usize;
+        Self::marked(label, low, high, step, |v| format!("{v:.decimals$}"))
+    }
+
+    /// In radians, marked in degrees at multiples of `step` degrees.
+    pub fn degrees(label: &str, low: f64, high: f64, step: f64) -> Axis {
+        let [low, high, step] = [low, high, step].map(f64::to_radians);
+        Self::marked(label, low, high, step, |v| format!("{:.0}°", v.to_degrees()))
+    }
+
+    /// Logarithmic, marked at powers of `base`.
+    pub fn log(label: &str, low: f64, high: f64, base: f64) -> Axis {
+        let power = |x: f64| x.ln() / base.ln();
+        let powers = (power(low) - 1e-9).ceil() as i32..=(power(high) + 1e-9).floor() as i32;
+        let ticks = powers.map(|e| base.powi(e)).map(|v| (v, format!("{}", v as f32))).collect();
+        Axis { label: label.to_owned(), low, high, ticks, log: true }
+    }
+
+    fn marked(label: &str, low: f64, high: f64, step: f64, name: impl Fn(f64) -> String) -> Axis {
+        let range = (low / step - 1e-9).ceil() as i64..=(high / step + 1e-9).floor() as i64;
+        let ticks = range.map(|k| k as f64 * step).map(|v| (v, minus(&name(v)))).collect();
+        Axis { label: label.to_owned(), low, high, ticks, log: false }
+    }
+
+    /// Where a value lies, 0 at the low end and 1 at the high one.
+    fn place(&self, value: f64) -> f64 {
+        if self.log {
+            (value.max(f64::MIN_POSITIVE) / self.low).ln() / (self.high / self.low).ln()
+        } else {
+            (value - self.low) / (self.high - self.low)
+        }
+    }
+}
+
+/// A typographic minus.
+fn minus(text: &str) -> String {
+    text.replace('-', "−")
+}
+
+/// Curves over two axes.
+#[derive(Clone, Debug)]
+pub struct Curves {
+    pub title: String,
+    pub x: Axis,
+    pub y: Axis,
+    pub series: Vec<Series>,
+}
+
+/// Curves round a pole, the angle counted anticlockwise from the right.
+#[derive(Clone, Debug)]
+pub struct Polar {
+    pub title: String,
+    /// Radius of the outermost ring.
+    pub radius: f64,
+    /// Radius between rings.
+    pub ring: f64,
+    pub series: Vec<Series>,
+}
+
+/// Colours in rows and columns.
+#[derive(Clone, Debug)]
+pub struct Swatches {
+    pub title: String,
+    pub x_label: String,
+    /// Marks below the columns, by column; columns without one stay bare.
+    pub columns: Vec<String>,
+    pub rows: Vec<String>,
+    /// `colours[row][column]`, linear RGB.
+    pub colours: Vec<Vec<[f64; 3]>>,
+    /// Height of a row, px.
+    pub row_height: f64,
+    /// Pixels between swatches.
+    pub gap: f64,
+}
+
+/// A figure: panels of one kind, beside each other in `per_row`s.
+#[derive(Clone, Debug)]
+pub enum Plot {
+    Curves { panels: Vec<Curves>, per_row: usize },
+    Polar { panels: Vec<Polar> },
+    Swatches { panels: Vec<Swatches> },
+}
+
+impl Plot {
+    /// The numbers: `panel,series,x,y` (angle in radians and radius where polar), or
+    /// `panel,row,column,r,g,b` in linear RGB.
+    pub fn csv(&self) -> String {
+        let mut csv = String::from(match self {
+            Plot::Swatches { .. } => "panel,row,column,r,g,b\n",
+            _ => "panel,series,x,y\n",
+        });
+        let mut series = |title: &str, list: &[Series]| {
+            for series in list {
+                for [x, y] in &series.points {
+                    _ = writeln!(csv, "{},{},{x:.6e},{y:.6e}", quoted(title), quoted(&series.name));
+                }
+            }
+        };
+        match self {
+            Plot::Curves { panels, .. } => panels.iter().for_each(|p| series(&p.title, &p.series)),
+            Plot::Polar { panels } => panels.iter().for_each(|p| series(&p.title, &p.series)),
+            Plot::Swatches { panels } => {
+                for panel in panels {
+                    for (row, colours) in panel.rows.iter().zip(&panel.colours) {
+                        for (column, [r, g, b]) in colours.iter().enumerate() {
+                            let (title, row) = (quoted(&panel.title), quoted(row));
+                            _ = writeln!(csv, "{title},{row},{column},{r:.6e},{g:.6e},{b:.6e}");
+                        }
+                    }
+                }
+            }
+        }
+        csv
+    }
+}
+
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}

@@ -1,0 +1,101 @@
+//! Rays against the head: triangles under a BVH, smooth normals, diffuse reflection alike from both sides.
+
+use glam::{DVec3, Vec3, Vec3A};
+use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
+use obvhs::ray::{Ray, RayHit};
+use obvhs::{BvhBuildParams, triangle::Triangle};
+
+use super::strands::StrandRay;
+use crate::head::Head;
+
+/// Rays leave the head from so far above it, over the size of its box.
+const LIFT: f32 = 1e-5;
+
+/// A head relative to a centre, ready to be hit by rays.
+pub struct Skin<'a> {
+    head: &'a Head,
+    /// Diffuse reflectance, linear RGB in [0, 1].
+    pub albedo: DVec3,
+    /// In the BVH's order.
+    triangles: Vec<Triangle>,
+    bvh: CwBvh,
+    lift: f32,
+}
+
+/// Where a ray met the head.
+#[derive(Clone, Copy, Debug)]
+pub struct SkinPoint {
+    /// Just above the surface, relative to the centre.
+    origin: Vec3,
+    /// Unit normals of the triangle and of the smooth surface, on the viewer's side.
+    facet: DVec3,
+    pub normal: DVec3,
+}
+
+impl SkinPoint {
+    /// cosθ/π, which is both what diffuse reflection sends along unit `omega` for an albedo of 1 and the
+    /// density of [`Self::sample`].
+    pub fn cosine(&self, omega: DVec3) -> f64 {
+        let above = self.facet.dot(omega) > 0.0;
+        if above { self.normal.dot(omega).max(0.0) / std::f64::consts::PI } else { 0.0 }
+    }
+
+    /// A direction with density cosθ/π from two uniform numbers; it may lie beneath the triangle.
+    pub fn sample(&self, u: [f64; 2]) -> DVec3 {
+        let (x, y) = self.normal.any_orthonormal_pair();
+        let (sin, cos) = (std::f64::consts::TAU * u[1]).sin_cos();
+        u[0].sqrt() * (x * cos + y * sin) + (1.0 - u[0]).sqrt() * self.normal
+    }
+
+    /// The ray that leaves the head along unit `omega`.
+    pub fn leave(&self, omega: DVec3) -> StrandRay {
+        StrandRay::free(self.origin, omega.as_vec3())
+    }
+}
+
+impl<'a> Skin<'a> {
+    /// `center` becomes the origin.
+    pub fn new(head: &'a Head, albedo: Vec3, center: Vec3) -> Skin<'a> {
+        let corner = |i: u32| Vec3A::from(head.positions[i as usize] - center);
+        let triangle =
+            |t: &[u32; 3]| Triangle { v0: corner(t[0]), v1: corner(t[1]), v2: corner(t[2]) };
+        let triangles: Vec<Triangle> = head.triangles.iter().map(triangle).collect();
+        let bvh = build_cwbvh(&triangles, BvhBuildParams::medium_build(), &mut Default::default());
+        let triangles = bvh.primitive_indices.iter().map(|&i| triangles[i as usize]).collect();
+        let lift = LIFT * bvh.total_aabb.diagonal().max_element().max(0.0);
+        Skin { head, albedo: albedo.as_dvec3(), triangles, bvh, lift }
+    }
+
+    /// Corners of the box around the head.
+    pub fn bounds(&self) -> (Vec3A, Vec3A) {
+        (self.bvh.total_aabb.min, self.bvh.total_aabb.max)
+    }
+
+    /// The nearest triangle before `ray.tmax`, and the distance to it.
+    pub fn closest(&self, ray: &Ray) -> Option<(usize, f32)> {
+        let mut hit = RayHit::none();
+        self.bvh
+            .ray_traverse(*ray, &mut hit, |ray, id| self.triangles[id].intersect(ray))
+            .then_some((hit.primitive_id as usize, hit.t))
+    }
+
+    /// Whether anything lies before `ray.tmax`.
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        !self.bvh.ray_traverse_miss(*ray, |ray, id| self.triangles[id].intersect(ray))
+    }
+
+    /// The surface where `ray` meets triangle `id` at distance `t`.
+    pub fn skin_point(&self, id: usize, t: f32, ray: &Ray) -> SkinPoint {
+        let triangle = &self.triangles[id];
+        let corners = self.head.triangles[self.bvh.primitive_indices[id] as usize];
+        let [a, b, c] = corners.map(|i| self.head.normals[i as usize]);
+        let at = triangle.compute_barycentric(ray);
+        let facing = |n: DVec3, d: DVec3| if n.dot(d) > 0.0 { -n } else { n };
+        let d = DVec3::from(Vec3::from(ray.direction));
+        let facet = facing(DVec3::from(Vec3::from(triangle.compute_normal())), d);
+        let smooth = (a * (1.0 - at.x - at.y) + b * at.x + c * at.y).as_dvec3();
+        let smooth = smooth.try_normalize().unwrap_or(facet);
+        let origin = Vec3::from(ray.origin + t * ray.direction) + self.lift * facet.as_vec3();
+        SkinPoint { origin, facet, normal: facing(smooth, -facet) }
+    }
+}
