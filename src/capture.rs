@@ -12,6 +12,7 @@ use crate::gpu::frame::{Background, FibreData, Frame, Parts, Renderer};
 use crate::gpu::uniforms::FibreUniform;
 use crate::image::write_frame;
 use crate::progress::{Clock, Reporting};
+use crate::reference::transmittance::RealStrands;
 use crate::scattering::azimuthal::Energy;
 use crate::scattering::{tables, xu};
 use crate::scene::{self, Energies, Lens, Scattering, Scene};
@@ -21,7 +22,6 @@ use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
     TransportFigures,
 };
-use crate::transport::rays::RealStrands;
 use crate::transport::volume::Volume;
 use crate::transport::{self, Occluders, Transport};
 
@@ -40,7 +40,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let outputs = Outputs::new(scene)?;
     let stage = Geometry::load(scene)?;
-    let Geometry { hair, head, diameters, center, .. } = &stage;
+    let Geometry { hair, head, center, .. } = &stage;
     let center = *center;
     stage.notes.iter().for_each(|line| clock.note(line));
     clock.step("geometry")?;
@@ -147,12 +147,14 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     bar.finish_and_clear();
     let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
-    let mean_abs_delta_t = options.verify.then(|| {
-        let strands = RealStrands::new(hair, diameters, head.as_ref());
-        strands.mean_abs_delta_t(&points, &lights, &reach, VERIFIED_PAIRS)
-    });
-    if let Some(error) = mean_abs_delta_t {
-        clock.note(&format!("mean |ΔT̃| over shaded points and all lights: {error:.4}"));
+    let delta_t = options
+        .verify
+        .then(|| RealStrands::new(&stage).delta_t(&points, &lights, &reach, VERIFIED_PAIRS));
+    if let Some(delta) = delta_t {
+        clock.note(&format!(
+            "ΔT̃ over shaded points and all lights: mean {:+.4}, mean |ΔT̃| {:.4}",
+            delta.mean, delta.mean_abs
+        ));
     }
     clock.note(&format!(
         "{}: {} of {} points shaded in {frame_ms:.0} ms on {}, set up in {setup_ms:.0} ms",
@@ -194,7 +196,10 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             seconds: fit.seconds,
             cached: fit.cached,
         },
-        transport: TransportFigures { mean_abs_delta_t },
+        transport: TransportFigures {
+            mean_abs_delta_t: delta_t.map(|d| d.mean_abs),
+            mean_delta_t: delta_t.map(|d| d.mean),
+        },
         timing: Timing { frame_ms, setup_ms, total_ms: clock.total_ms(), passes },
         memory: Memory::now(),
         image: figures,

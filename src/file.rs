@@ -1,7 +1,11 @@
-//! Files written whole or not at all.
+//! Files written whole or not at all, and read without panic.
 
+use std::any::Any;
+use std::cell::Cell;
 use std::io::Write;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::Path;
+use std::sync::Once;
 
 use anyhow::{Context, Result};
 
@@ -28,4 +32,26 @@ pub fn write_whole(
         Ok(())
     };
     attempt().with_context(|| format!("{}: cannot be written", path.display()))
+}
+
+thread_local! {
+    static QUIET: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs a decoder that may panic on damaged files and catches its panic, whose message is kept off stderr. The
+/// hook that does so is set once and passes on every panic from outside such a call, on all threads.
+pub fn catch_panic<T>(decode: impl FnOnce() -> T) -> Result<T, Box<dyn Any + Send>> {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let previous = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !QUIET.try_with(Cell::get).unwrap_or(false) {
+                previous(info);
+            }
+        }));
+    });
+    let outer = QUIET.replace(true);
+    let result = panic::catch_unwind(AssertUnwindSafe(decode));
+    QUIET.set(outer);
+    result
 }

@@ -48,10 +48,16 @@ impl Geometry {
             given => given as f32,
         };
         notes.extend(assumed.iter().chain(&mended.notes).cloned());
+        Ok(Geometry { mended, notes, ..Geometry::new(hair, head, diameter) })
+    }
+
+    /// Strands whose fibres are `diameter` wide at their thickest, and a head.
+    pub fn new(hair: Hair, head: Option<Head>, diameter: f32) -> Geometry {
         let diameters = hair::width_profile(&hair).iter().map(|w| w * diameter).collect();
         let frames = Frames::new(&hair);
         let (center, radius) = hair.center_radius();
-        Ok(Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes })
+        let (mended, notes) = Default::default();
+        Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes }
     }
 
     /// The scene's camera, in the world.

@@ -66,6 +66,8 @@ pub struct FitFigures {
 pub struct TransportFigures {
     /// Against rays through the real strands, over shaded points and all lights; null unless asked for.
     pub mean_abs_delta_t: Option<f64>,
+    /// The same with its sign: above 0 where the frame is too bright.
+    pub mean_delta_t: Option<f64>,
 }
 
 #[derive(Debug, Serialize)]

@@ -7,6 +7,7 @@ mod frames;
 mod groom;
 mod hair;
 mod measure;
+mod probe;
 mod reference_cli;
 mod reference_integral;
 mod reference_marschner;

@@ -68,7 +68,23 @@ fn a_resumed_reference_is_the_one_made_in_one_go() {
         let error = refused(path, &[&resume[..], &TUFT, &other].concat());
         assert!(error.contains("parts.exr") && error.contains("--resume"), "{error}");
     }
-    done(path, &["capture", "-q", "--adapter", "cpu", "--lights", "2", "--hair", "strands.hair", "--size", "48x32", "-o", "frame.exr"]);
+    done(
+        path,
+        &[
+            "capture",
+            "-q",
+            "--adapter",
+            "cpu",
+            "--lights",
+            "2",
+            "--hair",
+            "strands.hair",
+            "--size",
+            "48x32",
+            "-o",
+            "frame.exr",
+        ],
+    );
     let frame = ["reference", "-q", "-o", "frame.exr", "--resume", "--hair", "strands.hair"];
     assert!(refused(path, &frame).contains("frame.exr"));
 }
@@ -113,7 +129,18 @@ fn a_white_tuft_under_a_unit_map_is_a_furnace() {
     for model in ["deon", "chiang"] {
         reference(
             path,
-            &["--env", "unit.exr", "--bcsdf", model, "--sigma-a", "0,0,0", "--spp", "64", "-o", "white.exr"],
+            &[
+                "--env",
+                "unit.exr",
+                "--bcsdf",
+                model,
+                "--sigma-a",
+                "0,0,0",
+                "--spp",
+                "64",
+                "-o",
+                "white.exr",
+            ],
         );
         let picture = Picture::read(&path.join("white.exr")).unwrap();
         let count = picture.rgb.len() as f64;
@@ -180,8 +207,10 @@ fn the_gpu_answers_probes_as_its_twin_does() {
         let table = |arguments: &[&str]| {
             let output = probe(&[&[function], arguments].concat(), input);
             assert!(output.status.success(), "{}", stderr(&output));
-            let rows: Vec<Vec<String>> =
-                stdout(&output).lines().map(|l| l.split(',').map(str::to_owned).collect()).collect();
+            let rows: Vec<Vec<String>> = stdout(&output)
+                .lines()
+                .map(|l| l.split(',').map(str::to_owned).collect())
+                .collect();
             rows
         };
         let cpu = table(&["--method", "fast"]);
@@ -210,10 +239,7 @@ fn figures_are_drawn_by_name() {
     let folder = tempdir().unwrap();
     let path = folder.path();
     done(path, &["figures", "pbrt_9_52", "-q", "-o", "plots"]);
-    assert_eq!(
-        names(&path.join("plots")),
-        ["pbrt_9_52.csv", "pbrt_9_52.png", "pbrt_9_52.svg"]
-    );
+    assert_eq!(names(&path.join("plots")), ["pbrt_9_52.csv", "pbrt_9_52.png", "pbrt_9_52.svg"]);
     assert!(refused(path, &["figures", "pbrt_1", "-o", "plots"]).contains("pbrt_9_52"));
 }
 
@@ -224,14 +250,9 @@ fn a_cancelled_reference_keeps_its_samples() {
     let folder = tempdir().unwrap();
     let path = folder.path();
     write_tuft(path);
-    let arguments = |spp: &'static str| {
-        [&["reference", "--spp", spp, "-o", "long.exr"], &TUFT[..]].concat()
-    };
-    let child = hairlight(path)
-        .args(arguments("1000000"))
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let arguments =
+        |spp: &'static str| [&["reference", "--spp", spp, "-o", "long.exr"], &TUFT[..]].concat();
+    let child = hairlight(path).args(arguments("1000000")).stderr(Stdio::piped()).spawn().unwrap();
     std::thread::sleep(std::time::Duration::from_millis(3000));
     let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(sent.unwrap().success());

@@ -3,8 +3,10 @@
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use hairlight::hair::Hair;
 use hairlight::head::Head;
+use hairlight::reference::transmittance::RealStrands;
+use hairlight::scattering::dual::D_F;
 use hairlight::srbf::{SrbfLight, lobe_integral, sample_lobe};
-use hairlight::transport::rays::RealStrands;
+use hairlight::stage::Geometry;
 use hairlight::transport::sheared::{OpticalDepth, Shear};
 use hairlight::transport::volume::Volume;
 use hairlight::transport::{Occluders, Reach, lobe_directions, transport};
@@ -333,8 +335,7 @@ fn a_sampled_lobe_has_the_mean_cosine_of_its_density() {
 
 /// Parallel fibres along x, at random places of −4…4 in y and 0…1 in z, and then probes below them.
 struct Fibres {
-    hair: Hair,
-    diameters: Vec<f32>,
+    stage: Geometry,
     /// First point of each probe.
     probes: Vec<usize>,
 }
@@ -361,23 +362,24 @@ impl Fibres {
                 strand(p, p + 0.001 * Vec3::X)
             })
             .collect();
-        let diameters = vec![FIBRE_DIAMETER; hair.points.len()];
-        Fibres { hair, diameters, probes }
+        hair.thickness = Some(vec![1.0; hair.points.len()]);
+        Fibres { stage: Geometry::new(hair, None, FIBRE_DIAMETER), probes }
     }
 
     /// T̃ by rays, and by the volume, averaged over the probes.
     fn transmittance(&self, light: &SrbfLight) -> [f64; 2] {
-        let strands = RealStrands::new(&self.hair, &self.diameters, None);
+        let Geometry { hair, diameters, .. } = &self.stage;
+        let strands = RealStrands::new(&self.stage);
         let count = self.probes.len() as f64;
         let rays = self.probes.iter().map(|&p| strands.transmittance(p, light, 16)).sum::<f64>();
-        let segments = self.hair.offsets.windows(2).map(|ends| {
+        let segments = hair.offsets.windows(2).map(|ends| {
             let a = ends[0] as usize;
-            (self.hair.points[a], self.hair.points[a + 1], self.diameters[a])
+            (hair.points[a], hair.points[a + 1], diameters[a])
         });
-        let (low, high) = self.hair.bounds();
+        let (low, high) = hair.bounds();
         let volume = Volume::build(segments, low, high, 64);
         let occluders = Occluders { volume: &volume, head: None };
-        let points: Vec<Vec3> = self.probes.iter().map(|&p| self.hair.points[p]).collect();
+        let points: Vec<Vec3> = self.probes.iter().map(|&p| hair.points[p]).collect();
         let (reach, _) = occluders.reach(light, &points);
         [rays / count, reach.iter().map(|r| f64::from(r.direct)).sum::<f64>() / count]
     }
@@ -401,6 +403,22 @@ fn rays_and_volume_find_the_transmittance_of_random_parallel_fibres() {
         for (way, found) in ["rays", "volume"].iter().zip(slab.transmittance(&light(omega, 0.02))) {
             assert!((found - exact).abs() < 0.035, "{omega} by {way}: {found} for {exact}");
         }
+    }
+    // Forward transmittance of Poisson crossings: d_f (e^{−τ(1−ā_f)} − e^{−τ}).
+    let strands = RealStrands::new(&slab.stage);
+    let forward = |a_f: f64| {
+        let of =
+            |&p: &usize| strands.forward_transmittance(p, &light(Vec3::Z, 0.02), 16, |_| [a_f; 3]);
+        slab.probes.iter().map(|p| of(p)[0]).sum::<f64>() / slab.probes.len() as f64
+    };
+    for a_f in [0.0, 0.5, 0.9f64] {
+        let exact = D_F * (f64::exp(a_f - 1.0) - (-1f64).exp());
+        let found = forward(a_f);
+        assert!((found - exact).abs() < 0.025, "ā_f {a_f}: {found} for {exact}");
+        assert!(
+            (forward(a_f + 0.1) - exact).abs() > 0.025 || a_f < 0.5,
+            "a tenth more is told apart"
+        );
     }
     for found in Fibres::new(fibres * 5 / 4, 1500).transmittance(&light(Vec3::Z, 0.02)) {
         let off = (found - f64::from((-tau).exp())).abs();

@@ -7,9 +7,8 @@ use super::{print, quiet, reporting, scene, switch, with_scene};
 use crate::capture::{self, CaptureOptions};
 
 pub fn command() -> Command {
-    let capture = Command::new("capture")
-        .about("Renders a frame, or the frames of a turntable")
-        .long_about(
+    let capture =
+        Command::new("capture").about("Renders a frame, or the frames of a turntable").long_about(
             "Renders a frame, or the frames of a turntable, from a scene file or flags.\n\n\
              Flags come after the file and change it. A preset is applied before the other flags, \
              whatever their order; otherwise the last of several flags for one key holds.",

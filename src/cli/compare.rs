@@ -24,7 +24,9 @@ pub fn command() -> Command {
                 .long("out")
                 .value_name("FILE.png")
                 .value_parser(value_parser!(PathBuf))
-                .help("Writes frame, truth, signed difference and FLIP side by side [default: none]"),
+                .help(
+                    "Writes frame, truth, signed difference and FLIP side by side [default: none]",
+                ),
         )
 }
 

@@ -80,4 +80,3 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
         ("fitted in", format!("{:.2} s{}", fit.seconds, if fit.cached { ", cached" } else { "" })),
     ]))
 }
-

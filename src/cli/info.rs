@@ -15,14 +15,12 @@ use crate::scene::Scene;
 use crate::{environment, hair, head, srbf};
 
 pub fn command() -> Command {
-    Command::new("info")
-        .about("Prints what is known of a hair, head, map or scene file")
-        .arg(
-            Arg::new("file")
-                .value_name("FILE")
-                .required(true)
-                .help(".hair, .tfx, .obj, .exr, .hdr, .toml, lights .json, or builtin:NAME"),
-        )
+    Command::new("info").about("Prints what is known of a hair, head, map or scene file").arg(
+        Arg::new("file")
+            .value_name("FILE")
+            .required(true)
+            .help(".hair, .tfx, .obj, .exr, .hdr, .toml, lights .json, or builtin:NAME"),
+    )
 }
 
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -179,4 +177,3 @@ fn scene_info(file: &str) -> Result<String> {
     ]);
     Ok(format!("{}\n{resolved}", scene.to_toml()))
 }
-

@@ -36,9 +36,13 @@ pub fn command() -> Command {
                 .long("max-depth")
                 .value_name("N")
                 .value_parser(value_parser!(u32).range(1..))
-                .help("Most scattering events of a path; 1 is direct light alone [default: no bound]"),
+                .help(
+                    "Most scattering events of a path; 1 is direct light alone [default: no bound]",
+                ),
         )
-        .arg(choice("lighting", &["map", "srbf"]).help("The map itself, or the lights fitted to it"))
+        .arg(
+            choice("lighting", &["map", "srbf"]).help("The map itself, or the lights fitted to it"),
+        )
         .arg(
             choice("sampling", &["both", "light", "fibre"])
                 .help("What draws directions; all agree in the limit"),

@@ -6,12 +6,8 @@
 //! unread. Only the chosen layer's largest resolution level is decoded, block by block and in
 //! parallel: other layers, deep parts and mip levels cost nothing.
 
-use std::any::Any;
-use std::cell::Cell;
 use std::collections::HashSet;
 use std::io::Cursor;
-use std::panic::{self, AssertUnwindSafe};
-use std::sync::Once;
 
 use anyhow::{Result, anyhow, bail, ensure};
 use exr::block::UncompressedBlock;
@@ -25,6 +21,7 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::{Environment, SourceInfo, check_pixels};
+use crate::file::catch_panic;
 
 pub const MAGIC: [u8; 4] = exr::meta::magic_number::BYTES;
 
@@ -41,7 +38,7 @@ const BEAUTY: [&str; 6] = ["", "rgb", "rgba", "combined", "beauty", "color"];
 /// file cannot hold or above [`super::MAX_PIXELS`], no colour channels, a cube map, a codec that
 /// the decoder lacks.
 pub fn read(bytes: &[u8]) -> Result<(Environment, SourceInfo)> {
-    quietly(|| read_unguarded(bytes))
+    catch_panic(|| read_unguarded(bytes))
         .unwrap_or_else(|_| bail!("is damaged: the EXR decoder broke off; export the file again"))
 }
 
@@ -70,8 +67,10 @@ fn read_unguarded(bytes: &[u8]) -> Result<(Environment, SourceInfo)> {
         if compressed.is_empty() {
             break;
         }
-        let decoded: Vec<_> =
-            compressed.into_par_iter().map(|chunk| quietly(|| decompress(chunk, &meta))).collect();
+        let decoded: Vec<_> = compressed
+            .into_par_iter()
+            .map(|chunk| catch_panic(|| decompress(chunk, &meta)))
+            .collect();
         for block in decoded {
             let block = block
                 .map_err(|_| {
@@ -374,26 +373,4 @@ fn damaged(error: exr::error::Error) -> anyhow::Error {
         }
         error => anyhow!("is damaged or cut short ({error}); export the file again"),
     }
-}
-
-thread_local! {
-    static QUIET: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Runs `decode` and catches its panic, whose message is kept off stderr. The hook that does so is
-/// set once and passes on every panic from outside such a call, on this thread and on all others.
-fn quietly<T>(decode: impl FnOnce() -> T) -> Result<T, Box<dyn Any + Send>> {
-    static HOOK: Once = Once::new();
-    HOOK.call_once(|| {
-        let previous = panic::take_hook();
-        panic::set_hook(Box::new(move |info| {
-            if !QUIET.try_with(Cell::get).unwrap_or(false) {
-                previous(info);
-            }
-        }));
-    });
-    let outer = QUIET.replace(true);
-    let result = panic::catch_unwind(AssertUnwindSafe(decode));
-    QUIET.set(outer);
-    result
 }

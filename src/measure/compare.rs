@@ -10,7 +10,7 @@
 //!   is 0.01 at any exposure; ours is that at a mean of 1, and does not change with the exposure.
 //! - mean ratio = Σwa/Σwb for each channel: energy.
 //! - FLIP (Andersson et al. 2020, LDR, 67 pixels a degree): what an eye sees when it flips between the
-//!   two, both tone mapped as pictures are, with the exposure that brings the truth's mean luminance to 1.
+//!   two, both tone mapped as pictures are, with the exposure that brings the truth's mean luminance to middle grey.
 //!   Pixels that do not count are black in both.
 //! - noise: where variances are known, the relative L2 that noise alone would leave.
 
@@ -23,8 +23,8 @@ use serde::Serialize;
 use super::read::Picture;
 use crate::image::{luminance, srgb8, tone_map};
 
-/// The truth's mean luminance after exposure, as automatic exposure has the environment's.
-const EXPOSED_MEAN: f64 = 1.0;
+/// The truth's mean luminance after exposure: middle grey, so that dark hair is judged as it would be shown.
+const EXPOSED_MEAN: f64 = 0.18;
 /// ε of relMSE as a share of the squared mean.
 const RELATIVE_EPSILON: f64 = 0.01;
 

@@ -3,14 +3,10 @@
 //! A [`Plot`] holds every number that is drawn, so that the CSV and the picture cannot differ. Labels take
 //! `_` before letters and digits as a subscript (`θ_i`).
 
-use std::cmp::Reverse;
-use std::collections::BTreeMap;
-use std::f64::consts::{FRAC_PI_2, TAU};
-use std::fmt::Write;
-use std::sync::{Arc, LazyLock};
+mod png;
+mod svg;
 
-use anyhow::{Result, anyhow};
-use resvg::{tiny_skia, usvg};
+use anyhow::Result;
 
 /// sRGB.
 pub type Colour = [u8; 3];
@@ -187,40 +183,39 @@ pub enum Plot {
 impl Plot {
     /// The numbers: `panel,series,x,y` (angle in radians and radius where polar), or
     /// `panel,row,column,r,g,b` in linear RGB.
-    pub fn csv(&self) -> String {
-        let mut csv = String::from(match self {
-            Plot::Swatches { .. } => "panel,row,column,r,g,b\n",
-            _ => "panel,series,x,y\n",
-        });
-        let mut series = |title: &str, list: &[Series]| {
-            for series in list {
-                for [x, y] in &series.points {
-                    _ = writeln!(csv, "{},{},{x:.6e},{y:.6e}", quoted(title), quoted(&series.name));
-                }
+    pub fn csv(&self) -> Result<Vec<u8>> {
+        let mut csv = csv::Writer::from_writer(Vec::new());
+        let number = |v: f64| format!("{v:.6e}");
+        let series: Vec<(&str, &[Series])> = match self {
+            Plot::Curves { panels, .. } => {
+                panels.iter().map(|p| (p.title.as_str(), p.series.as_slice())).collect()
             }
-        };
-        match self {
-            Plot::Curves { panels, .. } => panels.iter().for_each(|p| series(&p.title, &p.series)),
-            Plot::Polar { panels } => panels.iter().for_each(|p| series(&p.title, &p.series)),
+            Plot::Polar { panels } => {
+                panels.iter().map(|p| (p.title.as_str(), p.series.as_slice())).collect()
+            }
             Plot::Swatches { panels } => {
+                csv.write_record(["panel", "row", "column", "r", "g", "b"])?;
                 for panel in panels {
                     for (row, colours) in panel.rows.iter().zip(&panel.colours) {
-                        for (column, [r, g, b]) in colours.iter().enumerate() {
-                            let (title, row) = (quoted(&panel.title), quoted(row));
-                            _ = writeln!(csv, "{title},{row},{column},{r:.6e},{g:.6e},{b:.6e}");
+                        for (column, colour) in colours.iter().enumerate() {
+                            let [r, g, b] = colour.map(number);
+                            let column = column.to_string();
+                            csv.write_record([&panel.title, row, &column, &r, &g, &b])?;
                         }
                     }
                 }
+                return Ok(csv.into_inner()?);
+            }
+        };
+        csv.write_record(["panel", "series", "x", "y"])?;
+        for (title, series) in series {
+            for one in series {
+                for point in &one.points {
+                    let [x, y] = point.map(number);
+                    csv.write_record([title, &one.name, &x, &y])?;
+                }
             }
         }
-        csv
-    }
-}
-
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
+        Ok(csv.into_inner()?)
     }
 }

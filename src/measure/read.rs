@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use exr::prelude::{FlatImage, Layer, ReadChannels, ReadLayers, read};
+
+use crate::file::catch_panic;
 
 /// 16384 × 16384.
 const MAX_PIXELS: usize = 1 << 28;
@@ -94,7 +95,7 @@ pub fn read_image(path: &Path) -> Result<FlatImage> {
         "is no EXR file: compare linear frames, written with -o NAME.exr"
     );
     // The decoder panics on some damaged files.
-    catch_unwind(AssertUnwindSafe(|| decode(&bytes)))
+    catch_panic(|| decode(&bytes))
         .map_err(|_| anyhow!("the decoder broke off"))
         .flatten()
         .map_err(|error| anyhow!("is damaged ({error}): write it again"))

@@ -17,6 +17,7 @@ pub mod marschner;
 pub mod model;
 pub mod render;
 pub mod tracer;
+pub mod transmittance;
 
 use std::f64::consts::SQRT_2;
 

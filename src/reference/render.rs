@@ -265,8 +265,11 @@ fn resume(
         let plane = |name: &str| -> Result<Vec<f32>> {
             let mut channels = layer.channel_data.list.iter();
             let channel = channels.find(|c| c.name.eq(name));
-            let values: Vec<f32> =
-                channel.with_context(|| format!("it has no {name}"))?.sample_data.values_as_f32().collect();
+            let values: Vec<f32> = channel
+                .with_context(|| format!("it has no {name}"))?
+                .sample_data
+                .values_as_f32()
+                .collect();
             ensure!(values.iter().all(|v| v.is_finite()), "{name} has values that are not finite");
             Ok(values)
         };

@@ -8,7 +8,6 @@
 
 pub mod azimuthal;
 pub mod dual;
-pub mod exact;
 pub mod fibre;
 pub mod fresnel;
 pub mod gaussian;

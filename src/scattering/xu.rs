@@ -6,7 +6,7 @@
 //! Every result is per unit of light coefficient L_j, cosθ_i included, with unit-integral M (no energy
 //! compensation). On lavapipe a point and light costs 1.0 to 1.6 µs of one core for all four integrals.
 //!
-//! Relative L2 error against the exact model (`exact.rs`; η 1.45–1.65, σ_a 0–3, λ_j 0.1–1, β_R 7.5°,
+//! Relative L2 error against the exact model (reference/integral.rs; η 1.45–1.65, σ_a 0–3, λ_j 0.1–1, β_R 7.5°,
 //! m = 4): R 10 %, TT 3.5 %, TRT 9 %. An independent oracle gives the print 9, 11 and 22 %.
 //!
 //! Deviations are listed where they are made: `gaussian.rs`, `longitudinal.rs`, `azimuthal.rs`,

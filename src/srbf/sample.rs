@@ -13,19 +13,23 @@ pub fn sample_lobe(light: &SrbfLight, count: usize) -> Vec<DVec3> {
         return vec![light.direction];
     }
     let golden = PI * (3.0 - 5f64.sqrt());
-    let (tangent, bitangent) = light.direction.any_orthonormal_pair();
-    let half_lambda2 = 0.5 * light.lambda.powi(2);
     (0..count)
         .map(|k| {
-            let u = (k as f64 + 0.5) / count as f64;
-            // 1 − cos γ from the distribution of exp(2(cos γ − 1)/λ²), without cancelling for small λ.
-            let drop =
-                (-half_lambda2 * (u * (-2.0 / half_lambda2).exp_m1()).ln_1p()).clamp(0.0, 2.0);
-            let sin = (drop * (2.0 - drop)).sqrt();
-            let (s, c) = (golden * k as f64 % TAU).sin_cos();
-            (light.direction * (1.0 - drop) + (tangent * c + bitangent * s) * sin).normalize()
+            let around = golden * k as f64 / TAU;
+            direction_in_lobe(light, [(k as f64 + 0.5) / count as f64, around.fract()])
         })
         .collect()
+}
+
+/// The unit direction within a lobe at which its distribution is u₀ ∈ [0, 1), at azimuth 2πu₁ about its centre.
+pub fn direction_in_lobe(light: &SrbfLight, u: [f64; 2]) -> DVec3 {
+    let half_lambda2 = 0.5 * light.lambda * light.lambda;
+    // 1 − cos γ, without cancelling for small λ.
+    let drop = (-half_lambda2 * (u[0] * (-2.0 / half_lambda2).exp_m1()).ln_1p()).clamp(0.0, 2.0);
+    let (x, y) = light.direction.any_orthonormal_pair();
+    let (sin, cos) = (TAU * u[1]).sin_cos();
+    let across = (drop * (2.0 - drop)).sqrt();
+    (light.direction * (1.0 - drop) + across * (x * cos + y * sin)).normalize()
 }
 
 /// Lights wider than this are split.

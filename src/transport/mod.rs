@@ -12,7 +12,6 @@
 //!
 //! Measured by `capture --verify` against rays cast through the real strands: see README, "Limits".
 
-pub mod rays;
 pub mod shadow;
 pub mod sheared;
 pub mod volume;

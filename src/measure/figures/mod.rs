@@ -127,7 +127,7 @@ pub fn write(names: &[String], folder: &Path, progress: Progress) -> Result<()> 
         let picture = plot.png(&svg).context(figure.name)?;
         bytes("png", &picture)?;
         bytes("svg", svg.as_bytes())?;
-        bytes("csv", plot.csv().as_bytes())?;
+        bytes("csv", &plot.csv()?)?;
     }
     progress(1.0);
     Ok(())

@@ -8,17 +8,16 @@ use rayon::prelude::*;
 
 use super::{Progress, integral};
 use crate::measure::plot::{Axis, COLOURS, Curves, Plot, Series, Stroke};
+use crate::reference::integral::azimuthal_integral;
 use crate::reference::marschner::Marschner;
-use crate::reference::model::{Detector, FibreModel, Section};
+use crate::reference::model::{Detector, Direction, FibreModel, Section};
 use crate::scattering::azimuthal::{
     Energy, Fitter, effective_absorption, inverse_eta_prime, taylor_coefficients, wrap,
 };
-use crate::scattering::exact::azimuthal_integral;
 use crate::scattering::fibre::Fibre;
 use crate::scattering::fresnel::fresnel;
 use crate::scattering::gaussian::{concentration, g, g_circular, product};
 use crate::scattering::longitudinal::{linear_quadrature, longitudinal_bandwidth, projection};
-use crate::scattering::quadrature::GaussLegendre;
 
 /// Light brown hair of β_R = 7.5° without tilt.
 const FIBRE: Fibre = Fibre {
@@ -108,14 +107,14 @@ fn transmittance_fit() -> Curves {
 
 /// 𝒩_t cos²θ_i/cos²θ_d at θ_o = 0 for a light of λ′_j = 0.5 in front and behind, each over its peak.
 fn outer_integrands() -> Curves {
-    let rule = GaussLegendre::new(16);
+    let exact = Marschner::new(&FIBRE);
     let cases =
         [("R, front", 0, 0.0), ("R, behind", 0, PI), ("TT, behind", 1, PI), ("TRT, front", 2, 0.0)];
     let series = cases.into_iter().enumerate().map(|(k, (name, mode, phi))| {
         let kappa = concentration(0.5);
         let range = [-FRAC_PI_2, FRAC_PI_2];
         let mut series = Series::sampled(name, COLOURS[k], range, 121, |theta_i| {
-            azimuthal_integral(&rule, &FIBRE, 0, mode, -0.5 * theta_i, phi, kappa)
+            azimuthal_integral(&exact, mode, theta_i, &Direction::new(0.0, phi), 0.0, kappa).0[0]
                 * projection(theta_i, 0.0)
         });
         let peak = series.points.iter().map(|p| p[1]).fold(0.0, f64::max);
@@ -134,7 +133,7 @@ fn outer_integrands() -> Curves {
 pub fn quadrature(_: Progress) -> Result<Plot> {
     const SEGMENTS: [u32; 10] = [2, 3, 4, 5, 6, 7, 8, 10, 12, 16];
     const LAMBDA_J: f64 = 0.3;
-    let rule = GaussLegendre::new(16);
+    let model = Marschner::new(&FIBRE);
     let angles = [-60.0, -30.0, 0.0, 30.0, 60.0].map(f64::to_radians);
     let series: Vec<Series> = ["R", "TT", "TRT"]
         .into_par_iter()
@@ -148,8 +147,8 @@ pub fn quadrature(_: Progress) -> Result<Plot> {
                     let inner = |theta_i: f64| {
                         let kappa =
                             concentration(LAMBDA_J) * (theta_i.cos() * theta_j.cos()).max(0.0);
-                        let theta_d = 0.5 * (theta_o - theta_i);
-                        azimuthal_integral(&rule, &FIBRE, 0, mode, theta_d, phi, kappa)
+                        let o = Direction::new(theta_o, phi);
+                        azimuthal_integral(&model, mode, theta_i, &o, 0.0, kappa).0[0]
                             * projection(theta_i, theta_o)
                     };
                     let breaks = [-6.0, -2.0, 0.0, 2.0, 6.0]
@@ -277,6 +276,7 @@ fn refract(direction: DVec2, normal: DVec2, ratio: f64) -> Option<DVec2> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scattering::quadrature::GaussLegendre;
     use crate::scattering::azimuthal::energies;
 
     #[test]

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::fmt::Write;
 
-use super::{Axis, Colour, Curves, Plot, Polar, Series, Stroke, Swatches, minus};
+use super::{Colour, Curves, Plot, Polar, Series, Stroke, Swatches, minus};
 use crate::image::srgb8;
 
 /// Width of every plot, px: what a README shows without scaling.

@@ -34,7 +34,7 @@ const SEQUENCE: u32 = 1 << 16;
 
 impl Sampler {
     fn new(pixel: u32, index: u32, seed: u32) -> Self {
-        let seed = mix(pixel ^ mix(index / SEQUENCE ^ mix(seed)));
+        let seed = mix(pixel ^ mix((index / SEQUENCE) ^ mix(seed)));
         Self { index: index % SEQUENCE, seed }
     }
 

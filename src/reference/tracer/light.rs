@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 
 use crate::environment::Environment;
 use crate::image::luminance;
-use crate::srbf::SrbfLight;
+use crate::srbf::{SrbfLight, direction_in_lobe};
 
 /// Light from all around.
 pub struct Light<'a> {
@@ -210,20 +210,9 @@ impl Lobes {
 
     fn sample(&self, [choice, along]: [f64; 2]) -> (DVec3, DVec3) {
         let (j, around) = find(&self.ends, choice * self.ends[self.ends.len() - 1]);
-        let direction = lobe_direction(&self.lobes[j].light, [along, around]);
+        let direction = direction_in_lobe(&self.lobes[j].light, [along, around]);
         (direction, self.radiance(direction))
     }
-}
-
-/// The direction within a lobe at which its distribution is u₀, at azimuth 2πu₁ about its centre.
-fn lobe_direction(light: &SrbfLight, u: [f64; 2]) -> DVec3 {
-    let half_lambda2 = 0.5 * light.lambda * light.lambda;
-    // 1 − cos γ, without cancelling for small λ.
-    let drop = (-half_lambda2 * (u[0] * (-2.0 / half_lambda2).exp_m1()).ln_1p()).clamp(0.0, 2.0);
-    let (x, y) = light.direction.any_orthonormal_pair();
-    let (sin, cos) = (TAU * u[1]).sin_cos();
-    let across = (drop * (2.0 - drop)).sqrt();
-    (light.direction * (1.0 - drop) + across * (x * cos + y * sin)).normalize()
 }
 
 /// The first entry of rising `ends` above `value`, and where `value` lies between the one before and it, in

@@ -33,6 +33,22 @@ impl StrandRay {
         let ray = Ray::new_inf(origin.into(), direction.into());
         StrandRay { ray, own: NO_STRAND, clear: 0.0 }
     }
+
+    /// From a fibre of strand `own`, about `axis_point` along unit `u`, on the side that unit `omega` leaves by.
+    pub fn leaving(axis_point: DVec3, radius: f64, u: DVec3, own: u32, omega: DVec3) -> StrandRay {
+        let across = omega.reject_from_normalized(u).normalize_or_zero();
+        let origin = (axis_point + radius * across).as_vec3a();
+        let ray = Ray::new_inf(origin, omega.as_vec3a());
+        StrandRay { ray, own, clear: CLEAR_RADII * radius as f32 }
+    }
+
+    /// The same ray beyond the fibre that it met at `at`.
+    pub fn past(&self, at: &FibrePoint) -> StrandRay {
+        let (o, d) = (self.ray.origin, self.ray.direction);
+        let origin = o + (at.axis_point.as_vec3a() - o).dot(d) * d;
+        let clear = CLEAR_RADII * at.radius as f32;
+        StrandRay { ray: Ray::new_inf(origin, d), own: at.strand, clear }
+    }
 }
 
 /// A straight piece.
@@ -115,13 +131,7 @@ pub struct FibrePoint {
 impl FibrePoint {
     /// The ray that leaves the fibre along unit `omega` (world), from the side it leaves on.
     pub fn leave(&self, omega: DVec3) -> StrandRay {
-        let across = omega.reject_from_normalized(self.frame.x_axis).normalize_or_zero();
-        let origin = (self.axis_point + self.radius * across).as_vec3a();
-        StrandRay {
-            ray: Ray::new_inf(origin, omega.as_vec3a()),
-            own: self.strand,
-            clear: CLEAR_RADII * self.radius as f32,
-        }
+        StrandRay::leaving(self.axis_point, self.radius, self.frame.x_axis, self.strand, omega)
     }
 }
 

@@ -19,9 +19,9 @@ pub const NO_ITEM: u32 = u32::MAX;
 const CHILDREN: usize = 8;
 /// Marks the index of a leaf among those of nodes.
 const LEAF: u32 = 1 << 31;
-/// Below this depth items are halved by number, which ends soon: 40 levels of 8 are more than memory holds.
+/// From this depth on items are halved by number, so that no groom makes the tree deep.
 const DEPTH: usize = 16;
-/// Nodes and leaves that may wait while others are visited: 7 a level, of at most DEPTH + log₂(2³²/4).
+/// Nodes and leaves that may wait while others are visited: 7 a level, and fewer than 30 halvings below DEPTH.
 const STACK: usize = 7 * (DEPTH + 30) + 1;
 /// Bins along an axis in which a split is looked for.
 const BINS: usize = 16;

@@ -1,0 +1,133 @@
+//! Transmittance without approximation: rays cast through the real strands.
+//!
+//! T̃ of a lobe is the share of its rays that reach the sky. T_f (Xu 2011, Eq 4; Zinke et al. 2008) is, over
+//! its rays, the mean of d_f ∏_k ā_f(θ_k) over the fibres k that a ray crosses, 0 for a ray that crosses none:
+//! what arrives directly is T̃'s.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::tracer::skin::Skin;
+use super::tracer::strands::{StrandRay, Strands};
+use crate::scattering::dual::D_F;
+use crate::srbf::{SrbfLight, sample_lobe};
+use crate::stage::{Geometry, HEAD_ALBEDO};
+use crate::transport::Reach;
+
+/// Rays for one T̃: their own noise is 0.016 at most.
+const RAYS: usize = 1024;
+
+/// A ray that has crossed so many fibres counts as lost: 0.9^256 is 2e-12.
+const CROSSINGS_MAX: usize = 256;
+
+/// The real strands and head of a stage.
+pub struct RealStrands<'a> {
+    stage: &'a Geometry,
+    strands: Strands<'a>,
+    skin: Option<Skin<'a>>,
+}
+
+/// How the transmittances of a frame differ from the exact ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeltaT {
+    /// Mean |ΔT̃|.
+    pub mean_abs: f64,
+    /// Mean ΔT̃: above 0 where a frame is too bright.
+    pub mean: f64,
+}
+
+impl<'a> RealStrands<'a> {
+    pub fn new(stage: &'a Geometry) -> Self {
+        let Geometry { hair, diameters, frames, head, center, .. } = stage;
+        RealStrands {
+            stage,
+            strands: Strands::new(hair, diameters, frames, 1, *center),
+            skin: head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center)),
+        }
+    }
+
+    /// Rays along the lobe from evenly spread places on the segment that starts at strand point `own`.
+    fn rays(&self, own: usize, light: &SrbfLight, count: usize) -> Vec<StrandRay> {
+        let Geometry { hair, diameters, center, .. } = self.stage;
+        let strand = hair.offsets.partition_point(|&first| first as usize <= own) - 1;
+        let end = hair.offsets[strand + 1] as usize;
+        let other = if own + 1 < end { own + 1 } else { own };
+        let (a, b) = (hair.points[own] - *center, hair.points[other] - *center);
+        let u = self.stage.frames.tangents[own].as_dvec3();
+        sample_lobe(light, count)
+            .into_iter()
+            .enumerate()
+            .map(|(k, omega)| {
+                // Van der Corput along the segment.
+                let along = (k as u32).reverse_bits() as f32 / u32::MAX as f32;
+                let radius = 0.5 * f64::from(diameters[own]);
+                StrandRay::leaving(a.lerp(b, along).as_dvec3(), radius, u, strand as u32, omega)
+            })
+            .collect()
+    }
+
+    fn meets_head(&self, ray: &StrandRay) -> bool {
+        self.skin.as_ref().is_some_and(|skin| skin.occluded(&ray.ray))
+    }
+
+    /// T̃ of `light` at strand point `own`.
+    pub fn transmittance(&self, own: usize, light: &SrbfLight, rays: usize) -> f64 {
+        let rays = self.rays(own, light, rays);
+        let open = |ray: &&StrandRay| !self.strands.occluded(ray) && !self.meets_head(ray);
+        rays.iter().filter(open).count() as f64 / rays.len() as f64
+    }
+
+    /// T_f of `light` at strand point `own`, RGB, for fibres of forward share `a_f`(θ), θ the inclination of the
+    /// ray to the fibre it crosses.
+    pub fn forward_transmittance(
+        &self,
+        own: usize,
+        light: &SrbfLight,
+        rays: usize,
+        a_f: impl Fn(f64) -> [f64; 3],
+    ) -> [f64; 3] {
+        let rays = self.rays(own, light, rays);
+        let mut sum = DVec3::ZERO;
+        for first in rays.iter().filter(|ray| !self.meets_head(ray)) {
+            let omega = DVec3::from(Vec3::from(first.ray.direction));
+            let (mut ray, mut share) = (*first, DVec3::splat(D_F));
+            let mut crossings = 0;
+            while let Some(id) = self.strands.closest(&ray)
+                && crossings < CROSSINGS_MAX
+            {
+                let at = self.strands.fibre_point(id, &ray);
+                share *= DVec3::from(a_f(omega.dot(at.frame.x_axis).clamp(-1.0, 1.0).asin()));
+                ray = ray.past(&at);
+                crossings += 1;
+            }
+            if (1..CROSSINGS_MAX).contains(&crossings) {
+                sum += share;
+            }
+        }
+        (sum / rays.len() as f64).to_array()
+    }
+
+    /// ΔT̃ over up to `pairs` pairs of a point and a light, drawn evenly: `reach[j][k]` is what
+    /// [`crate::transport::transport`] gave for light j at point `points[k]`; lights in the world frame.
+    pub fn delta_t(
+        &self,
+        points: &[u32],
+        lights: &[SrbfLight],
+        reach: &[Vec<u32>],
+        pairs: usize,
+    ) -> DeltaT {
+        let count = pairs.min(points.len() * lights.len());
+        let deltas: Vec<f64> = (0..count)
+            .into_par_iter()
+            .map(|pair| {
+                let k = (pair as u64 * points.len() as u64 / count as u64) as usize;
+                // A multiplicative hash, so that neighbours along a strand meet different lights.
+                let j = (((pair as u64 * 2_654_435_761) >> 16) % lights.len() as u64) as usize;
+                let exact = self.transmittance(points[k] as usize, &lights[j], RAYS);
+                f64::from(Reach::unpack(reach[j][k]).direct) - exact
+            })
+            .collect();
+        let mean = |of: fn(&f64) -> f64| deltas.iter().map(of).sum::<f64>() / count.max(1) as f64;
+        DeltaT { mean_abs: mean(|d| d.abs()), mean: mean(|d| *d) }
+    }
+}
