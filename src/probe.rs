@@ -477,7 +477,7 @@ fn exact_bcsdf(fibre: &dyn FibreModel, row: &Row) -> Result<Vec<f64>> {
 fn exact_srbf(fibre: &dyn FibreModel, row: &Row) -> Result<Vec<f64>> {
     let o = row.direction("theta_o", "phi_o");
     let j = row.direction("theta_j", "phi_j");
-    let light = Light { theta: j.theta, phi: j.phi, lambda: row.at("lambda_j") };
+    let light = Light { theta: j.theta(), phi: j.phi, lambda: row.at("lambda_j") };
     (0..3)
         .map(|p| {
             let integral = srbf_integral(fibre, p, &o, &light);
@@ -529,7 +529,7 @@ fn fast_input(function: Function, row: &Row) -> [f64; 8] {
     let single = |j: Direction, lambda_j| {
         let o = row.direction("theta_o", "phi_o");
         let (apart, sum) = (wrap(o.phi - j.phi), (o.phi + j.phi).cos());
-        [o.theta, j.theta, apart, sum, lambda_j, 0.0, 0.0, 0.0]
+        [o.theta(), j.theta(), apart, sum, lambda_j, 0.0, 0.0, 0.0]
     };
     match function {
         Function::Bcsdf => single(row.direction("theta_i", "phi_i"), NARROW),

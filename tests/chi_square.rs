@@ -124,7 +124,7 @@ fn counts(
     for k in 0..samples {
         let bin = match model.sample(o, offsets[k % offsets.len()], random.array()) {
             Some(sample) => {
-                let Direction { theta, phi, .. } = sample.direction;
+                let (theta, phi) = (sample.direction.theta(), sample.direction.phi);
                 assert!(
                     theta.abs() <= FRAC_PI_2 + 1e-12 && phi.abs() <= PI + 1e-12,
                     "θ_i {theta}, φ_i {phi}"

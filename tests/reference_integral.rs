@@ -50,8 +50,8 @@ fn direct(model: &dyn FibreModel, p: usize, o: &Direction, light: &Light, panels
     let high = (light.theta + reach).min(FRAC_PI_2);
     composite(low, high, panels, |theta_i| {
         let section =
-            |phi_i: f64| Section { theta_i, theta_o: o.theta, phi_h: 0.5 * (phi_i + o.phi) };
-        let m = model.longitudinal(p, theta_i, o.theta) * theta_i.cos();
+            |phi_i: f64| Section { theta_i, theta_o: o.theta(), phi_h: 0.5 * (phi_i + o.phi) };
+        let m = model.longitudinal(p, theta_i, o.theta()) * theta_i.cos();
         // Past these m is below 1e-12 of its peak.
         if m < 1e-12 {
             return 0.0;

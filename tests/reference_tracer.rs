@@ -32,7 +32,7 @@ const MIRROR: BlurredMirror =
 
 impl BlurredMirror {
     fn centre(o: &Direction, h: f64) -> DVec3 {
-        Direction::new(-o.theta, o.phi - 2.0 * h.asin()).vector()
+        Direction::new(-o.theta(), o.phi - 2.0 * h.asin()).vector()
     }
 
     /// ∫ exp(κ(cos − 1)) over the sphere.

@@ -169,7 +169,7 @@ impl<B: Blur> Rough<B> {
         let value = match self.paths {
             Paths::OfView => choice,
             Paths::OfDifference => {
-                difference = self.slice(i.theta, o.theta).at(h);
+                difference = self.slice(i.theta(), o.theta()).at(h);
                 &difference
             }
         };

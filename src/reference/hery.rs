@@ -84,7 +84,7 @@ impl Hery {
         let sum: f64 = (0..3)
             .map(|p| {
                 let azimuth = 0.25 * if p == 1 { sin_half.abs() } else { cos_half };
-                share[p] * azimuth * self.inclination_density(p, i.theta, o.theta)
+                share[p] * azimuth * self.inclination_density(p, i.theta(), o.theta())
             })
             .sum();
         sum / i.cos_theta.max(1e-17)
@@ -127,7 +127,7 @@ impl FibreModel for Hery {
 
     fn sample(&self, o: &Direction, h: f64, u: [f64; 4]) -> Option<Sample> {
         let p = self.marschner.choice(o).lobe(u[0])?;
-        let theta_i = self.draw_inclination(p, o.theta, [u[1], u[2]]);
+        let theta_i = self.draw_inclination(p, o.theta(), [u[1], u[2]]);
         let about = if p == 1 { PI } else { 0.0 };
         let phi_i = wrap(o.phi + about + 2.0 * (2.0 * u[3] - 1.0).asin());
         let direction = Direction::new(theta_i, phi_i);

@@ -73,7 +73,7 @@ pub fn srbf_integral(
     let sharpness = concentration(light.lambda);
     let weight = |theta_i: f64| {
         g_circular(theta_i - light.theta, sharpness)
-            * model.longitudinal(p, theta_i, o.theta)
+            * model.longitudinal(p, theta_i, o.theta())
             * theta_i.cos().max(0.0)
     };
     let breaks = inclination_breaks(weight);
@@ -84,7 +84,7 @@ pub fn srbf_integral(
     let tolerance = |absolute| Tolerance { relative: OUTER * RELATIVE, absolute };
     let [mass] =
         integrate(&breaks, tolerance(f64::MIN_POSITIVE), |theta_i| [weight(theta_i)]).value;
-    let section = Section { theta_i: peak, theta_o: o.theta, phi_h: 0.5 * (light.phi + o.phi) };
+    let section = Section { theta_i: peak, theta_o: o.theta(), phi_h: 0.5 * (light.phi + o.phi) };
     let tolerance = tolerance(mass * floor(model, p, &section, kappa(peak)));
     let worst = Cell::new(0.0f64);
     let mut integral = integrate(&breaks, tolerance, |theta_i| {
@@ -124,7 +124,7 @@ pub fn albedo(model: &dyn FibreModel, o: &Direction) -> Integral<3> {
 /// Density of the model's sampling at ω_i for an h that is drawn too: the mean of its pdf over h, 1/sr, to 1e-8
 /// or 1e-12.
 pub fn far_field_pdf(model: &dyn FibreModel, o: &Direction, i: &Direction) -> Integral<1> {
-    let section = Section { theta_i: i.theta, theta_o: o.theta, phi_h: 0.5 * (i.phi + o.phi) };
+    let section = Section { theta_i: i.theta(), theta_o: o.theta(), phi_h: 0.5 * (i.phi + o.phi) };
     let phi = i.phi - o.phi;
     let mut breaks: Vec<f64> = (0..model.lobes())
         .flat_map(|p| {
@@ -148,7 +148,7 @@ pub fn azimuthal_integral(
     phi_j: f64,
     kappa: f64,
 ) -> ([f64; 3], f64) {
-    let section = |phi_h| Section { theta_i, theta_o: o.theta, phi_h };
+    let section = |phi_h| Section { theta_i, theta_o: o.theta(), phi_h };
     if depends_on_phi_h(model, p, section) {
         if model.detector(p) == Detector::Delta {
             return ([f64::NAN; 3], f64::INFINITY);

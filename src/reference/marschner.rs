@@ -180,12 +180,12 @@ impl Marschner {
 
     /// How sampling divides between the lobes for one ω_o.
     pub(super) fn choice(&self, o: &Direction) -> Choice {
-        let kept = self.kept(o.theta);
+        let kept = self.kept(o.theta());
         // At the θ_d of the mirror's direction; the tilt shifts it by α_p.
-        let energy = interpolate(&self.energies, o.theta.abs() / FRAC_PI_2);
+        let energy = interpolate(&self.energies, o.theta().abs() / FRAC_PI_2);
         let mut choice = Choice::default();
         for p in 0..3 {
-            let mean = 2.0 * self.fibre.alpha[p] - o.theta;
+            let mean = 2.0 * self.fibre.alpha[p] - o.theta();
             choice.theta[p] = TruncatedGaussian::new(mean, 2.0 * self.fibre.beta[p]);
             choice.compensation[p] = self.compensation(kept[p]);
             choice.share[p] = energy[p] * kept[p] * choice.compensation[p];
@@ -223,7 +223,8 @@ impl Marschner {
         let projection = cos_i * cos_i / cos2_d;
         let mut evaluation = Evaluation::default();
         for (p, azimuth) in azimuths.iter().enumerate() {
-            let m = longitudinal(i.theta, o.theta, self.fibre.alpha[p], self.fibre.beta[p]) / cos_i;
+            let m =
+                longitudinal(i.theta(), o.theta(), self.fibre.alpha[p], self.fibre.beta[p]) / cos_i;
             if choice.share[p] > 0.0 {
                 evaluation.pdf += choice.share[p] * m / choice.theta[p].inside * azimuth.density;
             }

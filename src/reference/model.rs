@@ -16,8 +16,7 @@ use crate::scattering::azimuthal::wrap;
 /// tip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction {
-    /// Inclination to the normal plane, radians in [−π/2, π/2].
-    pub theta: f64,
+    /// Of the inclination θ to the normal plane.
     pub sin_theta: f64,
     /// ≥ 0.
     pub cos_theta: f64,
@@ -28,19 +27,18 @@ pub struct Direction {
 impl Direction {
     pub fn new(theta: f64, phi: f64) -> Self {
         let (sin_theta, cos_theta) = theta.sin_cos();
-        Self { theta, sin_theta, cos_theta: cos_theta.max(0.0), phi }
+        Self { sin_theta, cos_theta: cos_theta.max(0.0), phi }
     }
 
     /// Of a unit vector; along the fibre φ is 0.
     pub fn of(vector: DVec3) -> Self {
         let cos_theta = vector.y.hypot(vector.z);
-        let sin_theta = vector.x.clamp(-1.0, 1.0);
-        Self {
-            theta: sin_theta.atan2(cos_theta),
-            sin_theta,
-            cos_theta,
-            phi: vector.z.atan2(vector.y),
-        }
+        Self { sin_theta: vector.x.clamp(-1.0, 1.0), cos_theta, phi: vector.z.atan2(vector.y) }
+    }
+
+    /// θ, radians in [−π/2, π/2].
+    pub fn theta(&self) -> f64 {
+        self.sin_theta.atan2(self.cos_theta)
     }
 
     pub fn vector(&self) -> DVec3 {
@@ -132,9 +130,10 @@ pub trait FibreModel: Send + Sync {
 
     /// Far-field S·cosθ_i of all lobes.
     fn f_cos(&self, o: &Direction, i: &Direction) -> [f64; 3] {
-        let section = Section { theta_i: i.theta, theta_o: o.theta, phi_h: 0.5 * (i.phi + o.phi) };
+        let section =
+            Section { theta_i: i.theta(), theta_o: o.theta(), phi_h: 0.5 * (i.phi + o.phi) };
         (0..self.lobes()).fold([0.0; 3], |sum, p| {
-            let m = self.longitudinal(p, i.theta, o.theta);
+            let m = self.longitudinal(p, i.theta(), o.theta());
             let n = self.azimuthal(p, wrap(i.phi - o.phi), &section);
             std::array::from_fn(|c| sum[c] + m * n[c])
         })

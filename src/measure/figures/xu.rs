@@ -276,8 +276,8 @@ fn refract(direction: DVec2, normal: DVec2, ratio: f64) -> Option<DVec2> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scattering::quadrature::GaussLegendre;
     use crate::scattering::azimuthal::energies;
+    use crate::scattering::quadrature::GaussLegendre;
 
     #[test]
     fn rays_in_a_circle_are_marschners_trt() {

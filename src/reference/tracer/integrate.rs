@@ -145,9 +145,9 @@ fn fault(
     anyhow!(
         "the fibre model's {what} is no light: f_cos {f_cos:?}, pdf {pdf} at theta_o {}, phi_o {}, \
          theta_i {}, phi_i {}, h {h}: this is a fault of the model",
-        o.theta,
+        o.theta(),
         o.phi,
-        i.theta,
+        i.theta(),
         i.phi
     )
 }

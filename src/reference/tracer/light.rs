@@ -41,8 +41,7 @@ impl<'a> Light<'a> {
     /// # Errors
     /// One line, if the map's light is not finite or not positive.
     pub fn map(map: &'a Environment, rotation_rad: f64, scale: f64) -> Result<Light<'a>> {
-        let map = Map::new(map, rotation_rad, scale);
-        let power = map.rows.last().copied().unwrap_or(0.0);
+        let (map, power) = Map::new(map, rotation_rad, scale);
         Light { source: Source::Map(map), power }.checked("the environment map")
     }
 
@@ -51,8 +50,7 @@ impl<'a> Light<'a> {
     /// # Errors
     /// One line, if the lights' energy is not finite or not positive.
     pub fn lobes(lights: &[SrbfLight]) -> Result<Light<'static>> {
-        let lobes = Lobes::new(lights);
-        let power = lobes.ends.last().copied().unwrap_or(0.0);
+        let (lobes, power) = Lobes::new(lights);
         Light { source: Source::Lobes(lobes), power }.checked("the SRBF light")
     }
 
@@ -103,30 +101,30 @@ struct Map<'a> {
     turn: (f64, f64),
     /// y of the rows' edges; length: height + 1.
     edges: Vec<f64>,
-    /// Running sums of the rows' luminance × solid angle; length: height.
-    rows: Vec<f64>,
-    /// The same within each row, over the row's sum: rising to 1; length: width · height.
-    columns: Vec<f32>,
+    /// Of luminance × solid angle.
+    rows: Steps,
+    /// Of luminance, row by row.
+    columns: Vec<Steps>,
 }
 
 impl<'a> Map<'a> {
-    fn new(map: &'a Environment, rotation_rad: f64, scale: f64) -> Self {
-        let mut rows = Vec::with_capacity(map.height);
-        let mut columns = Vec::with_capacity(map.pixels.len());
-        let mut power = 0.0;
-        for (row, pixels) in map.pixels.chunks_exact(map.width).enumerate() {
-            let total: f64 = pixels.iter().map(|&rgb| f64::from(luminance(rgb))).sum();
-            let mut sum = 0.0;
-            columns.extend(pixels.iter().map(|&rgb| {
-                sum += f64::from(luminance(rgb));
-                (sum / total) as f32
-            }));
-            power += scale * total * map.solid_angle(row);
-            rows.push(power);
-        }
+    /// The map, and ∫ of its luminance.
+    fn new(map: &'a Environment, rotation_rad: f64, scale: f64) -> (Self, f64) {
+        let sum =
+            |pixels: &[[f32; 3]]| pixels.iter().map(|&p| f64::from(luminance(p))).sum::<f64>();
+        let rows = map.pixels.chunks_exact(map.width);
+        let powers: Vec<f64> = rows
+            .clone()
+            .enumerate()
+            .map(|(row, p)| scale * sum(p) * map.solid_angle(row))
+            .collect();
+        let columns =
+            rows.map(|p| Steps::new(p.iter().map(|&rgb| f64::from(luminance(rgb))))).collect();
         let edge = |row: usize| (PI * row as f64 / map.height as f64).cos();
         let edges = (0..=map.height).map(edge).collect();
-        Self { map, scale, turn: rotation_rad.sin_cos(), edges, rows, columns }
+        let rows = Steps::new(powers.iter().copied());
+        let turn = rotation_rad.sin_cos();
+        (Self { map, scale, turn, edges, rows, columns }, powers.iter().sum())
     }
 
     fn pixel(&self, row: usize, column: usize) -> DVec3 {
@@ -146,10 +144,9 @@ impl<'a> Map<'a> {
     }
 
     fn sample(&self, [across, down]: [f64; 2]) -> (DVec3, DVec3) {
-        let (width, height) = (self.map.width, self.map.height);
-        let (row, down) = find(&self.rows, down * self.rows[height - 1]);
-        let columns = &self.columns[row * width..(row + 1) * width];
-        let (column, across) = find(columns, across);
+        let width = self.map.width;
+        let (row, down) = self.rows.find(down);
+        let (column, across) = self.columns[row].find(across);
         // Uniform in solid angle within the pixel.
         let y = self.edges[row] + down * (self.edges[row + 1] - self.edges[row]);
         let across = TAU * ((column as f64 + across) / width as f64 - 0.5);
@@ -164,8 +161,8 @@ impl<'a> Map<'a> {
 
 struct Lobes {
     lobes: Vec<Lobe>,
-    /// Running sums of the lobes' luminance integrals.
-    ends: Vec<f64>,
+    /// Of the lobes' luminance integrals.
+    steps: Steps,
 }
 
 struct Lobe {
@@ -180,19 +177,18 @@ struct Lobe {
 const LOBE_END: f32 = 40.0;
 
 impl Lobes {
-    fn new(lights: &[SrbfLight]) -> Self {
-        let mut power = 0.0;
-        let ends = lights.iter().map(|light| {
-            power += luminance_of(DVec3::from(light.energy()));
-            power
-        });
+    /// The lobes, and ∫ of their luminance.
+    fn new(lights: &[SrbfLight]) -> (Self, f64) {
+        let powers: Vec<f64> =
+            lights.iter().map(|light| luminance_of(DVec3::from(light.energy()))).collect();
+        let steps = Steps::new(powers.iter().copied());
         let lobes = lights.iter().map(|light| Lobe {
             direction: light.direction.as_vec3(),
             falloff: (light.lambda * light.lambda).recip() as f32,
             rgb: DVec3::from(light.rgb).as_vec3(),
             light: *light,
         });
-        Self { ends: ends.collect(), lobes: lobes.collect() }
+        (Self { steps, lobes: lobes.collect() }, powers.iter().sum())
     }
 
     fn radiance(&self, omega: DVec3) -> DVec3 {
@@ -209,17 +205,46 @@ impl Lobes {
     }
 
     fn sample(&self, [choice, along]: [f64; 2]) -> (DVec3, DVec3) {
-        let (j, around) = find(&self.ends, choice * self.ends[self.ends.len() - 1]);
+        let (j, around) = self.steps.find(choice);
         let direction = direction_in_lobe(&self.lobes[j].light, [along, around]);
         (direction, self.radiance(direction))
     }
 }
 
-/// The first entry of rising `ends` above `value`, and where `value` lies between the one before and it, in
-/// [0, 1).
-fn find<T: Copy + Into<f64>>(ends: &[T], value: f64) -> (usize, f64) {
-    let i = ends.partition_point(|&end| end.into() <= value).min(ends.len() - 1);
-    let start = if i > 0 { ends[i - 1].into() } else { 0.0 };
-    let share = (value - start) / (ends[i].into() - start);
-    (i, if share < 1.0 { share } else { 0.5 })
+/// A choice among weighted entries, by the inverse of their running sums.
+struct Steps {
+    /// Running sums over the whole sum: rising to 1.
+    ends: Vec<f32>,
+    /// For each of as many equal parts of [0, 1) the first entry whose end lies above the part's start
+    /// (Chen and Asau 1974), so that few ends are looked at.
+    guide: Vec<u32>,
+}
+
+impl Steps {
+    fn new(weights: impl ExactSizeIterator<Item = f64> + Clone) -> Steps {
+        let count = weights.len();
+        let whole: f64 = weights.clone().sum();
+        let ends = weights.scan(0.0, |sum, weight| {
+            *sum += weight;
+            Some((*sum / whole) as f32)
+        });
+        let ends: Vec<f32> = ends.collect();
+        let first = |part: usize| {
+            let start = (part as f64 / count as f64) as f32;
+            ends.partition_point(|&end| end <= start).min(count - 1) as u32
+        };
+        Steps { guide: (0..count).map(first).collect(), ends }
+    }
+
+    /// The entry for `u` in [0, 1), and where between its ends u lies, in [0, 1).
+    fn find(&self, u: f64) -> (usize, f64) {
+        let count = self.ends.len();
+        let mut i = self.guide[((u * count as f64) as usize).min(count - 1)] as usize;
+        while i + 1 < count && f64::from(self.ends[i]) <= u {
+            i += 1;
+        }
+        let start = if i > 0 { f64::from(self.ends[i - 1]) } else { 0.0 };
+        let share = (u - start) / (f64::from(self.ends[i]) - start);
+        (i, if (0.0..1.0).contains(&share) { share } else { 0.5 })
+    }
 }
