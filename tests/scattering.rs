@@ -229,8 +229,10 @@ fn averages_are_shares_and_sum_the_whole_series() {
         let table = AverageTable::new(&fibre(sigma_a, alpha, beta), 4);
         for i in 0..200 {
             let a = table.sample(PI * (i as f64 / 199.0 - 0.5));
-            assert!(a.a_f[0] >= 0.0 && a.a_b[0] >= 0.0 && a.a_f[0] + a.a_b[0] < 1.0, "{a:?}");
-            assert!(a.big_a_b[0] >= 0.0 && a.big_a_b[0] + a.a_b[0] < 1.0, "{a:?}");
+            // 1 is reached: along the fibre R reflects all.
+            let most = 1.0 + 1e-6;
+            assert!(a.a_f[0] >= 0.0 && a.a_b[0] >= 0.0 && a.a_f[0] + a.a_b[0] < most, "{a:?}");
+            assert!(a.big_a_b[0] >= 0.0 && a.big_a_b[0] + a.a_b[0] < most, "{a:?}");
             assert!(a.sigma_b > 0.0 && a.delta_b.is_finite() && a.beta_f2[0] > 0.0, "{a:?}");
         }
     }
@@ -250,35 +252,38 @@ fn averages_equal_the_mean_over_the_lobe() {
     let fibre = fibre(0.2, 0.0, 10.0);
     let rule = GaussLegendre::new(200);
     let table = AverageTable::new(&fibre, 4);
-    let mut frozen_worst = 0f64;
+    let mut control = 0f64;
     for theta in [0.0, 0.3, 0.9, 1.3f64] {
-        let (mut want, mut frozen) = ([0.0; 2], [0.0; 2]);
+        let (mut want, mut flux) = ([0.0; 2], [0.0; 2]);
         for t in 0..3 {
             let weight = |theta_o: f64| {
                 longitudinal(theta_o, theta, fibre.alpha[t], fibre.beta[t])
                     * projection(theta_o, theta)
             };
+            let energy = |theta_d: f64| energies(&rule, fibre.eta, theta_d, 0.0)[t];
+            let kept = integrate(-FRAC_PI_2, FRAC_PI_2, 4, |theta_o| {
+                weight(theta_o) * energy(0.5 * (theta_o - theta))
+            });
             let whole = integrate(-FRAC_PI_2, FRAC_PI_2, 20, weight);
             for side in 0..2 {
-                let share =
-                    |theta_d: f64| azimuthal_shares(&rule, fibre.eta, theta_d, 0.2)[t][side];
-                want[side] += integrate(-FRAC_PI_2, FRAC_PI_2, 4, |theta_o| {
-                    weight(theta_o) * share(0.5 * (theta_o - theta))
-                }) / whole;
-                frozen[side] += share(theta);
+                let sum = integrate(-FRAC_PI_2, FRAC_PI_2, 4, |theta_o| {
+                    let theta_d = 0.5 * (theta_o - theta);
+                    weight(theta_o) * azimuthal_shares(&rule, fibre.eta, theta_d, 0.2)[t][side]
+                });
+                want[side] += sum * energy(theta) / kept;
+                flux[side] += sum / whole;
             }
         }
         let got = table.sample(theta);
         println!(
-            "θ {theta}: ā_f {:.4}, ā_b {:.4}, mean {want:.4?}, frozen θ_d {frozen:.4?}",
+            "θ {theta}: ā_f {:.4}, ā_b {:.4}, mean {want:.4?}, by flux alone {flux:.4?}",
             got.a_f[0], got.a_b[0]
         );
         assert!(got.a_f[0] <= want[0] * 1.003 && got.a_b[0] <= want[1] * 1.003, "{got:?} {want:?}");
-        // Never above the mean; below it only where the smooth fibre's albedo is the limit.
         assert!(got.a_f[0] > want[0] * 0.997 && got.a_b[0] > want[1] * 0.997, "{got:?} {want:?}");
-        frozen_worst = frozen_worst.max((frozen[1] / want[1] - 1.0).abs());
+        control = control.max((flux[1] / want[1] - 1.0).abs());
     }
-    assert!(frozen_worst > 0.1, "the control, Eq 33's frozen θ_d, passes: {frozen_worst}");
+    assert!(control > 0.05, "the control, weights by flux alone, passes: {control}");
 }
 
 /// Relative L2 error of 𝓜_t against the exact model, R, TT, TRT; `eta_scale` perturbs the method's η.

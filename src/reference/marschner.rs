@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use super::model::{Detector, Direction, Evaluation, FibreModel, Path, Sample, Section};
 use crate::scattering::{
-    azimuthal::{eccentric_eta, effective_absorption, energies, exit_azimuth, wrap},
+    azimuthal::{ClearEnergies, eccentric_eta, effective_absorption, energies, exit_azimuth, wrap},
     fibre::Fibre,
     fresnel::fresnel,
     gaussian::{concentration, g_circular, g_circular_integral},
@@ -64,7 +64,7 @@ pub struct Marschner {
     compensated: bool,
     /// Mean over RGB of ½∫A_p dh over |θ_d|.
     energies: Vec<[f64; 3]>,
-    /// Z_p(θ_o) = ∫M_p cos²θ_i/cos²θ_d dθ_i.
+    /// Z_p(θ_o) = ∫M_p cos²θ_i/cos²θ_d E_p(θ_d) dθ_i / E_p(θ_o), E_p the energy of a clear fibre's lobe.
     kept: Vec<[f64; 3]>,
     rule: GaussLegendre,
 }
@@ -105,8 +105,9 @@ impl Marschner {
         Self::build(fibre, false)
     }
 
-    /// Each lobe times C_p = 1/Z_p, at most [`COMPENSATION_MAX`], so that it sends on all that it gets of
-    /// even light: the model that the renderer shades with.
+    /// Each lobe times C_p = 1/Z_p, at most [`COMPENSATION_MAX`], so that a clear fibre sends on what even light
+    /// gives it but for the paths past TRT: the model that the renderer shades with
+    /// (`scattering::longitudinal::energy_compensation`).
     pub fn compensated(fibre: &Fibre) -> Self {
         Self::build(fibre, true)
     }
@@ -124,11 +125,15 @@ impl Marschner {
                 [0, 1, 2].map(|p| (of[0][p] + of[1][p] + of[2][p]) / 3.0)
             })
             .collect();
+        let clear = ClearEnergies::new(fibre.eta);
         let kept = (0..KEPT_ROWS)
             .into_par_iter()
             .map(|row| {
                 let theta_o = x_to_theta(row as f64 / (KEPT_ROWS - 1) as f64);
-                [0, 1, 2].map(|p| kept_share(&rule, theta_o, fibre.alpha[p], fibre.beta[p]))
+                [0, 1, 2].map(|p| {
+                    let energy = |theta_d: f64| clear.at(theta_d)[p];
+                    kept_share(&rule, theta_o, fibre.alpha[p], fibre.beta[p], energy)
+                })
             })
             .collect();
         let (detector, detector_peak) = if fibre.w_c > 0.0 {
@@ -513,7 +518,13 @@ fn blurred_trt(rule: &GaussLegendre, cross: &CrossSection, phi: f64, kappa: f64)
 }
 
 /// Z_p(θ_o) of one Gaussian lobe, by quadrature.
-fn kept_share(rule: &GaussLegendre, theta_o: f64, alpha: f64, beta: f64) -> f64 {
+fn kept_share(
+    rule: &GaussLegendre,
+    theta_o: f64,
+    alpha: f64,
+    beta: f64,
+    clear_energy: impl Fn(f64) -> f64,
+) -> f64 {
     let (centre, sigma) = (2.0 * alpha - theta_o, 2.0 * beta);
     let judge = |theta: f64, half: f64| {
         // cosθ_d is 0 at θ_o ± π, beside the ends.
@@ -529,10 +540,12 @@ fn kept_share(rule: &GaussLegendre, theta_o: f64, alpha: f64, beta: f64) -> f64 
     let mut sum = 0.0;
     panels(-FRAC_PI_2, FRAC_PI_2, &judge, &mut |low, high| {
         sum += rule.integrate(low, high, |theta_i| {
-            longitudinal(theta_i, theta_o, alpha, beta) * projection(theta_i, theta_o)
+            longitudinal(theta_i, theta_o, alpha, beta)
+                * projection(theta_i, theta_o)
+                * clear_energy(0.5 * (theta_o - theta_i))
         });
     });
-    sum
+    sum / clear_energy(theta_o)
 }
 
 /// What is to be done with a part of a range of integration.

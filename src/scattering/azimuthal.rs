@@ -82,6 +82,33 @@ pub fn energies(rule: &GaussLegendre, eta: f64, theta_d: f64, absorption: f64) -
     energy
 }
 
+/// [`energies`] of a clear fibre over |θ_d| in [0, π/2], for energy compensation.
+#[derive(Clone, Debug)]
+pub struct ClearEnergies {
+    rows: Vec<[f64; 3]>,
+}
+
+impl ClearEnergies {
+    const ROWS: usize = 513;
+    /// A mode that has no energy (R and TRT at η = 1) is compensated as if it had this much.
+    const LEAST: f64 = 1e-9;
+
+    pub fn new(eta: f64) -> ClearEnergies {
+        let rule = GaussLegendre::new(ENERGY_NODES);
+        let last = (Self::ROWS - 1) as f64;
+        let row = |i| energies(&rule, eta, FRAC_PI_2 * i as f64 / last, 0.0);
+        ClearEnergies { rows: (0..Self::ROWS).map(row).collect() }
+    }
+
+    /// E_t at θ_d in [−π/2, π/2], interpolated linearly; above 0.
+    pub fn at(&self, theta_d: f64) -> [f64; 3] {
+        let x = (theta_d.abs() / FRAC_PI_2).min(1.0) * (Self::ROWS - 1) as f64;
+        let low = (x as usize).min(Self::ROWS - 2);
+        let (a, b, f) = (self.rows[low], self.rows[low + 1], x - low as f64);
+        [0, 1, 2].map(|t| (a[t] + f * (b[t] - a[t])).max(Self::LEAST))
+    }
+}
+
 /// C_k(θ_d, η), k = 0…6, of Eq 13: N_R ≈ Σ C_k |cos^k(φ/2)| with Schlick's Fresnel.
 pub fn r_coefficients(eta: f64, theta_d: f64) -> [f64; 7] {
     let (f0, c) = (fresnel_normal(eta), -theta_d.cos());

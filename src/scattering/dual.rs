@@ -6,12 +6,10 @@
 //! Where we deviate from the print:
 //! - Eq 33 freezes θ_d to separate the integrals and reads N_t from the fits; Eq 32 weighs with
 //!   cosθ_d cosθ_o, which is no flux. Here the azimuthal weight (1/π)∫|φ| N_t dφ is integrated
-//!   over h with exact Fresnel at every θ_d, and averaged over θ_o with M_t's flux, M_t cos²θ_o/cos²θ_d,
-//!   as weight of unit integral, so that ā_f+ā_b < 1 is the albedo of a fibre whose longitudinal lobes
-//!   lose nothing (Eq 33 gives 1.020 for white hair). The exact averages with Eq 32's weight
-//!   (reference/averages.rs) lose light at grazing: white hair's sum to 0.984 at 0°, 0.909 at 60° and 0.397
-//!   at 85° (β_R = 7.5°), where ours are 0.992, 0.950 and 0.793 and the fibre's albedo is 0.969, 0.907, 0.880. Freezing θ_d alone puts ā_b 3 % off at θ = 52° and
-//!   23 % at 74° (β_R = 10°).
+//!   over h with exact Fresnel at every θ_d, and averaged over θ_o with M_t's flux, M_t cos²θ_o/cos²θ_d, scaled as
+//!   [`energy_compensation`] scales the modes, so that ā_f+ā_b < 1 is the albedo of a fibre whose lobes lose
+//!   nothing (Eq 33 gives 1.020 for white hair). The exact averages with Eq 32's weight (reference/averages.rs)
+//!   lose light at grazing: white hair's sum to 0.984 at 0°, 0.909 at 60° and 0.397 at 85° (β_R = 7.5°).
 //! - Ā_b sums the whole series. Zinke's Ā_1+Ā_3 are its first terms and keep 0.39 of 0.47 at
 //!   ā_f = 0.78, ā_b = 0.2, and less for a clear fibre. The light that a stack of fibres returns obeys R = ā_b + ā_f²R/(1−ā_b R), whose solution
 //!   less the first fibre's own ā_b, which is single scattering, is Ā_b.
@@ -25,7 +23,9 @@ use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 use rayon::prelude::*;
 
 use super::{
-    azimuthal::{attenuation, effective_absorption, exit_azimuth, inverse_eta_prime, wrap},
+    azimuthal::{
+        ClearEnergies, attenuation, effective_absorption, exit_azimuth, inverse_eta_prime, wrap,
+    },
     fibre::Fibre,
     longitudinal::{energy_compensation, lobe_range, longitudinal, projection},
     quadrature::GaussLegendre,
@@ -130,17 +130,19 @@ impl AverageTable {
         let rule = GaussLegendre::new(40);
         let last = (Self::ROWS - 1) as f64;
         let theta_of = |row: usize| PI * (row as f64 / last - 0.5);
-        // Shares over |θ_d|, which the averages below are made of.
-        let shares: Vec<[[[f64; 2]; 3]; 3]> = (0..Self::ROWS)
+        // Shares over |θ_d|, which the averages below are made of: of the channels and of a clear fibre.
+        let [r, g, b] = fibre.sigma_a;
+        let shares: Vec<[[[f64; 2]; 3]; 4]> = (0..Self::ROWS)
             .into_par_iter()
             .map(|row| {
                 let theta_d = FRAC_PI_2 * row as f64 / last;
-                fibre.sigma_a.map(|s| azimuthal_shares(&rule, fibre.eta, theta_d, s))
+                [r, g, b, 0.0].map(|s| azimuthal_shares(&rule, fibre.eta, theta_d, s))
             })
             .collect();
+        let clear = ClearEnergies::new(fibre.eta);
         let rows = (0..Self::ROWS)
             .into_par_iter()
-            .map(|row| average(fibre, &rule, segments, theta_of(row), &shares))
+            .map(|row| average(fibre, &rule, segments, theta_of(row), &shares, &clear))
             .collect();
         AverageTable { rows }
     }
@@ -191,43 +193,40 @@ fn average(
     rule: &GaussLegendre,
     segments: u32,
     theta: f64,
-    shares: &[[[[f64; 2]; 3]; 3]],
+    shares: &[[[[f64; 2]; 3]; 4]],
+    clear: &ClearEnergies,
 ) -> Averages {
-    // a[c][t][f, b]
-    let mut a = [[[0.0; 2]; 3]; 3];
+    let shares_at = |theta_d: f64, c: usize, t: usize| {
+        let (d, f) = place(2.0 * theta_d.abs() / PI, shares.len());
+        let (near, far) = (shares[d][c][t], shares[d + 1][c][t]);
+        [0, 1].map(|side: usize| near[side] + f * (far[side] - near[side]))
+    };
+    // a[c][t][f, b], the clear fibre last.
+    let mut a = [[[0.0; 2]; 3]; 4];
     for t in 0..3 {
         let (low, high) = lobe_range(theta, fibre.alpha[t], fibre.beta[t]);
-        let mut whole = 0.0;
         for (theta_o, weight) in rule.on(low, high) {
-            let (d, fd) = place((theta_o - theta).abs() / PI, shares.len());
             let flux = weight
                 * longitudinal(theta_o, theta, fibre.alpha[t], fibre.beta[t])
                 * projection(theta_o, theta);
-            whole += flux;
-            for c in 0..3 {
-                for side in 0..2 {
-                    let (near, far) = (shares[d][c][t][side], shares[d + 1][c][t][side]);
-                    a[c][t][side] += flux * (near + fd * (far - near));
-                }
+            for (c, a) in a.iter_mut().enumerate() {
+                let shares = shares_at(0.5 * (theta_o - theta), c, t);
+                a[t] = [0, 1].map(|side: usize| a[t][side] + flux * shares[side]);
             }
         }
         // A lobe thrown past ±π/2 as a whole scatters nothing.
-        a.iter_mut().for_each(|c| c[t] = c[t].map(|x| x / whole.max(1e-9)));
+        let kept = a[3][t].iter().sum::<f64>().max(1e-12);
+        let scale = shares_at(theta, 3, t).iter().sum::<f64>() / kept;
+        a.iter_mut().for_each(|c| c[t] = c[t].map(|x| scale * x));
     }
 
-    let energy =
-        [0, 1, 2].map(|t| energy_compensation(segments, theta, fibre.alpha[t], fibre.beta[t]));
+    let energy = [0, 1, 2].map(|t| {
+        energy_compensation(segments, theta, fibre.alpha[t], fibre.beta[t], |d| clear.at(d)[t])
+    });
     let mut averages = Averages { energy, ..Averages::default() };
     let (mut weight_sum, mut delta_sum, mut sigma_sum) = (0.0, 0.0, 0.0);
     for c in 0..3 {
-        // Modes of different tilt come from different θ_d, and their sum can pass what any fibre scatters
-        // (by 0.5 % at 60°): a smooth, untilted fibre's albedo is the limit.
-        let albedo = |of: &[[f64; 2]; 3]| of.iter().flatten().sum::<f64>();
-        let (d, fd) = place(2.0 * theta.abs() / PI, shares.len());
-        let (near, far) = (albedo(&shares[d][c]), albedo(&shares[d + 1][c]));
-        let limit = near + fd * (far - near);
-        let scale = (limit / albedo(&a[c]).max(1e-9)).min(1.0);
-        let sum = |side: usize| scale * a[c].iter().map(|t| t[side]).sum::<f64>();
+        let sum = |side: usize| a[c].iter().map(|t| t[side]).sum::<f64>();
         let (a_f, a_b) = (sum(0), sum(1));
         // The mean of a quantity of the modes; all modes alike where the fibre is black.
         let mean = |side: usize, of: [f64; 3]| {

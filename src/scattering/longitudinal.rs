@@ -72,17 +72,31 @@ fn hat_side(a: f64, b: f64) -> f64 {
 /// the lobe past ±π/2, and a mode that has lost three quarters of itself has no shape left to scale.
 pub const COMPENSATION_MAX: f64 = 4.0;
 
-/// 1/Z_t(θ_o), where Z_t = ∫_{−π/2}^{π/2} M_t cos²θ_i/cos²θ_d dθ_i is what is left of a mode's energy
-/// under even light: S_t times this neither makes nor loses it. At most [`COMPENSATION_MAX`].
+/// C_t(θ_o) = E_t(θ_o) / ∫_{−π/2}^{π/2} M_t cos²θ_i/cos²θ_d E_t(θ_d) dθ_i, E_t = `clear_energy` the energy ∫N_t dφ of a
+/// clear fibre: under even light S_t times this sends on E_t(θ_o), and Σ_t E_t ≤ 1 since all are of one θ. At most
+/// [`COMPENSATION_MAX`].
 ///
-/// Z_t is taken by the method's own quadrature with `segments`, so that it also gives back what that
+/// Without E_t, each mode by itself loses nothing, but of θ_d that differ by mode: a clear fibre of β_R = 7°,
+/// α_R = −7° then makes light towards grazing, and ten thousand such strands under a unit map return 1.09.
+///
+/// The integral is taken by the method's own quadrature with `segments`, so that this also gives back what that
 /// rule's straight pieces cut off a bulging integrand (3 % at β_R = 20°).
-pub fn energy_compensation(segments: u32, theta_o: f64, alpha: f64, beta: f64) -> f64 {
+pub fn energy_compensation(
+    segments: u32,
+    theta_o: f64,
+    alpha: f64,
+    beta: f64,
+    clear_energy: impl Fn(f64) -> f64,
+) -> f64 {
     let lambda_m = longitudinal_bandwidth(beta);
-    let z: f64 = linear_quadrature(2.0 * alpha - theta_o, lambda_m, segments)
-        .map(|node| node.weight * projection(node.theta, theta_o))
+    let kept: f64 = linear_quadrature(2.0 * alpha - theta_o, lambda_m, segments)
+        .map(|node| {
+            let energy = clear_energy(0.5 * (theta_o - node.theta));
+            node.weight * projection(node.theta, theta_o) * energy
+        })
         .sum();
-    (PI.sqrt() * lambda_m / z.max(f64::MIN_POSITIVE)).min(COMPENSATION_MAX)
+    let whole = PI.sqrt() * lambda_m * clear_energy(theta_o);
+    (whole / kept.max(f64::MIN_POSITIVE)).min(COMPENSATION_MAX)
 }
 
 /// The part of [−π/2, π/2] where M_t against θ_o is above e^{−16} of its peak.
