@@ -225,12 +225,12 @@ fn average(
     });
     let mut averages = Averages { energy, ..Averages::default() };
     let (mut weight_sum, mut delta_sum, mut sigma_sum) = (0.0, 0.0, 0.0);
-    for c in 0..3 {
-        let sum = |side: usize| a[c].iter().map(|t| t[side]).sum::<f64>();
+    for (c, modes) in a[..3].iter().enumerate() {
+        let sum = |side: usize| modes.iter().map(|t| t[side]).sum::<f64>();
         let (a_f, a_b) = (sum(0), sum(1));
         // The mean of a quantity of the modes; all modes alike where the fibre is black.
         let mean = |side: usize, of: [f64; 3]| {
-            let weights = a[c].map(|t| t[side] + 1e-9);
+            let weights = modes.map(|t| t[side] + 1e-9);
             (0..3).map(|t| weights[t] * of[t]).sum::<f64>() / weights.iter().sum::<f64>()
         };
         let beta2 = fibre.beta.map(|b| b * b);
