@@ -6,7 +6,6 @@ use std::time::Instant;
 use anyhow::{Result, bail};
 use glam::Vec3;
 
-use crate::environment;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, FibreData, Frame, Parts, Renderer};
 use crate::gpu::uniforms::FibreUniform;
@@ -17,7 +16,7 @@ use crate::scattering::azimuthal::Energy;
 use crate::scattering::{tables, xu};
 use crate::scene::{self, Energies, Lens, Scattering, Scene};
 use crate::srbf;
-use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, place_lights};
+use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
     TransportFigures,
@@ -45,10 +44,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     stage.notes.iter().for_each(|line| clock.note(line));
     clock.step("geometry")?;
 
-    let map = environment::load(&scene.environment.source)?;
-    if map.mended.any() {
-        clock.note(&format!("{}: {}", scene.environment.source, map.mended));
-    }
+    let map = load_map(&scene.environment.source, &clock)?;
     clock.step("environment")?;
 
     // Inputs come first: what is wrong with them is said on a machine without an adapter too.
@@ -61,12 +57,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("adapter")?;
 
     let wanted = scene.environment.lights as usize;
-    let bar = clock.bar("fitting lights");
-    let fit = srbf::fit_cached(&map.environment, wanted, &|done| {
-        bar.set_position((f64::from(done) * 1000.0) as u64);
-        !clock.cancelled()
-    })?;
-    bar.finish_and_clear();
+    let fit = clock
+        .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, wanted, progress))?;
     clock.step("fit")?;
 
     let fibre = scene.fibre.resolve();

@@ -55,6 +55,21 @@ impl Clock {
         }
     }
 
+    /// Runs work that says what share of it is done and asks whether to go on, under a bar of its own.
+    pub fn watch<T>(
+        &self,
+        what: &'static str,
+        work: impl FnOnce(&(dyn Fn(f32) -> bool + Sync)) -> T,
+    ) -> T {
+        let bar = self.bar(what);
+        let result = work(&|done| {
+            bar.set_position((f64::from(done) * 1000.0) as u64);
+            !self.cancelled()
+        });
+        bar.finish_and_clear();
+        result
+    }
+
     /// A bar of 1000 steps; indicatif hides it where stderr is no terminal.
     pub fn bar(&self, what: &'static str) -> ProgressBar {
         if self.reporting.quiet {

@@ -4,11 +4,12 @@
 use anyhow::Result;
 use glam::{DMat3, Vec3};
 
-use crate::environment::Environment;
+use crate::environment::{self, Environment};
 use crate::hair::groom::GroomOptions;
 use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
 use crate::head::{self, Head};
 use crate::image::luminance;
+use crate::progress::Clock;
 use crate::scene::{Camera, Lens, Scene};
 use crate::srbf::SrbfLight;
 
@@ -91,6 +92,15 @@ fn load_head(scene: &Scene) -> Result<Option<Head>> {
     source
         .map(|source| Ok(head::load(source, scene.hair.up, scene.hair.scale as f32)?.head))
         .transpose()
+}
+
+/// The map that `source` names; what was mended in it is noted.
+pub fn load_map(source: &str, clock: &Clock) -> Result<environment::Loaded> {
+    let loaded = environment::load(source)?;
+    if loaded.mended.any() {
+        clock.note(&format!("{source}: {}", loaded.mended));
+    }
+    Ok(loaded)
 }
 
 /// The fit's lights in the world: turned by the environment's rotation, with its exposure.

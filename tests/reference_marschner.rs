@@ -20,33 +20,16 @@ use hairlight::{
 };
 
 use super::chi_square::{self, Uniform, sidak};
+use super::scattering::integrate;
 
-/// Marschner's ratios: α_TT = −α_R/2, α_TRT = −3α_R/2, β_TT = β_R/2, β_TRT = 2β_R.
 fn fibre(sigma_a: [f64; 3], alpha_r_deg: f64, beta_r_deg: f64) -> Fibre {
-    let (alpha, beta) = (alpha_r_deg.to_radians(), beta_r_deg.to_radians());
-    Fibre {
-        eta: 1.55,
-        sigma_a,
-        alpha: [alpha, -0.5 * alpha, -1.5 * alpha],
-        beta: [beta, 0.5 * beta, 2.0 * beta],
-        w_c: 0.2,
-        eccentricity: 1.0,
-    }
+    Fibre { sigma_a, ..super::scattering::fibre(0.0, alpha_r_deg, beta_r_deg) }
 }
 
 const BLOND: [f64; 3] = [0.1, 0.2, 0.5];
 
 fn section(theta_i: f64, theta_o: f64) -> Section {
     Section { theta_i, theta_o, phi_h: 0.3 }
-}
-
-/// A composite rule fine enough to count as exact here.
-fn integrate(low: f64, high: f64, panels: usize, f: impl Fn(f64) -> f64) -> f64 {
-    let rule = GaussLegendre::new(20);
-    let step = (high - low) / panels as f64;
-    (0..panels)
-        .map(|i| rule.integrate(low + i as f64 * step, low + (i + 1) as f64 * step, &f))
-        .sum()
 }
 
 /// ½∫A_p(h) [|wrap(Φ_p(h)−φ)| < window] dh / 2window, straight from the paths: midpoints in γ.

@@ -20,7 +20,7 @@ use hairlight::scattering::{
 use rayon::prelude::*;
 
 /// Marschner's ratios: α_TT = −α_R/2, α_TRT = −3α_R/2, β_TT = β_R/2, β_TRT = 2β_R.
-fn fibre(sigma_a: f64, alpha_r_deg: f64, beta_r_deg: f64) -> Fibre {
+pub fn fibre(sigma_a: f64, alpha_r_deg: f64, beta_r_deg: f64) -> Fibre {
     let (alpha, beta) = (alpha_r_deg.to_radians(), beta_r_deg.to_radians());
     Fibre {
         eta: 1.55,
@@ -33,7 +33,7 @@ fn fibre(sigma_a: f64, alpha_r_deg: f64, beta_r_deg: f64) -> Fibre {
 }
 
 /// A composite rule fine enough to count as exact here.
-fn integrate(low: f64, high: f64, panels: usize, f: impl Fn(f64) -> f64) -> f64 {
+pub fn integrate(low: f64, high: f64, panels: usize, f: impl Fn(f64) -> f64) -> f64 {
     let rule = GaussLegendre::new(20);
     let step = (high - low) / panels as f64;
     (0..panels)

@@ -38,11 +38,5 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("{}: cannot be made a folder", folder.display()))?;
     let clock = Clock::new(reporting(matches));
-    let bar = clock.bar("figures");
-    write(&names, folder, &|done| {
-        bar.set_position((f64::from(done) * 1000.0) as u64);
-        !clock.cancelled()
-    })?;
-    bar.finish_and_clear();
-    Ok(())
+    clock.watch("figures", |progress| write(&names, folder, progress))
 }

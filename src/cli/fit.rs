@@ -8,7 +8,8 @@ use clap::{Arg, ArgMatches, Command, value_parser};
 use super::{flag, print, quiet, reporting, rows};
 use crate::progress::Clock;
 use crate::scene::{Assignment, Scene, Value, field_named};
-use crate::{environment, image, srbf};
+use crate::stage::load_map;
+use crate::{image, srbf};
 
 /// Width and height of `--preview`.
 const PREVIEW_SIZE: [usize; 2] = [1024, 512];
@@ -51,16 +52,11 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     let level = lights.map(|value| Assignment { field, value: value.clone() });
     scene.apply(level.collect())?;
 
-    let loaded = environment::load(map)?;
-    if loaded.mended.any() {
-        clock.note(&format!("{map}: {}", loaded.mended));
-    }
-    let bar = clock.bar("fitting lights");
-    let fit = srbf::fit_cached(&loaded.environment, scene.environment.lights as usize, &|done| {
-        bar.set_position((f64::from(done) * 1000.0) as u64);
-        !clock.cancelled()
+    let loaded = load_map(map, &clock)?;
+    let wanted = scene.environment.lights as usize;
+    let fit = clock.watch("fitting lights", |progress| {
+        srbf::fit_cached(&loaded.environment, wanted, progress)
     });
-    bar.finish_and_clear();
     let fit = fit.with_context(|| map.clone())?;
 
     if let Some(path) = matches.get_one::<PathBuf>("preview") {

@@ -199,8 +199,7 @@ impl<B: Blur> Rough<B> {
     /// ½∫A_p(h) D_p(φ − Φ_p(h)) dh over γ = asin h, relative error below 1e-8 of the peak: panels of γ
     /// small against the blur, those left out from which no light gets to φ.
     fn blurred(&self, p: usize, phi: f64, slice: &Slice) -> [f64; 3] {
-        let last = self.lobes.len() - 1;
-        let detector = if p < last { self.blur.detector() } else { Detector::Uniform };
+        let (last, detector) = (self.lobes.len() - 1, self.detector(p));
         let (scale, reach) = detector.extent();
         // |dΦ_p/dγ| is at most this.
         let slope = (2.0 * p as f64 * slice.inverse_eta_prime - 2.0).max(2.0);

@@ -31,6 +31,7 @@ use crate::scattering::{
     gaussian::{concentration, g_circular, g_circular_integral},
     longitudinal::{COMPENSATION_MAX, longitudinal, projection},
     quadrature::GaussLegendre,
+    tables::place,
 };
 
 /// Rows of the energies over |θ_d| in [0, π/2]. They choose lobes, no more.
@@ -588,9 +589,7 @@ fn x_to_theta(x: f64) -> f64 {
 
 /// Linear interpolation of rows that span x in [0, 1], ends included.
 fn interpolate(rows: &[[f64; 3]], x: f64) -> [f64; 3] {
-    let x = x.clamp(0.0, 1.0) * (rows.len() - 1) as f64;
-    let low = (x as usize).min(rows.len() - 2);
-    let f = x - low as f64;
+    let (low, f) = place(x, rows.len());
     [0, 1, 2].map(|p| rows[low][p] + f * (rows[low + 1][p] - rows[low][p]))
 }
 

@@ -16,13 +16,13 @@ use super::tracer::skin::Skin;
 use super::tracer::strands::Strands;
 use super::tracer::{Sampling, TraceScene, trace};
 use super::{Bcsdf, model_of};
-use crate::environment::{self, Environment};
+use crate::environment::Environment;
 use crate::image::{Format, write_display, write_exr};
 use crate::measure::read::read_image;
 use crate::progress::{Clock, Reporting};
 use crate::scene::{Background, Lens, Scene};
 use crate::srbf;
-use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, place_lights};
+use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 
 /// Raise this whenever the same scene would get other samples.
 const VERSION: u32 = 1;
@@ -67,11 +67,7 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let stage = Geometry::load(scene)?;
     stage.notes.iter().for_each(|line| clock.note(line));
-    let map = environment::load(&scene.environment.source)?;
-    if map.mended.any() {
-        clock.note(&format!("{}: {}", scene.environment.source, map.mended));
-    }
-    let map = map.environment;
+    let map = load_map(&scene.environment.source, &clock)?.environment;
     let lens = stage.camera(scene)?.lens(stage.center, scene.output.size);
     let pieces = stage.pieces(&lens);
     let rotation = scene.environment.rotation_deg.to_radians();
@@ -86,13 +82,9 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     let light = match options.lighting {
         Lighting::Map => Light::map(&map, rotation, gain)?,
         Lighting::Srbf => {
-            let bar = clock.bar("fitting lights");
             let wanted = scene.environment.lights as usize;
-            let fit = srbf::fit_cached(&map, wanted, &|done| {
-                bar.set_position((f64::from(done) * 1000.0) as u64);
-                !clock.cancelled()
-            })?;
-            bar.finish_and_clear();
+            let fit = clock
+                .watch("fitting lights", |progress| srbf::fit_cached(&map, wanted, progress))?;
             Light::lobes(&place_lights(&fit.lights, scene))?
         }
     };
@@ -113,12 +105,8 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     clock.step("build")?;
 
     let (begun, had) = (Instant::now(), film.segments);
-    let bar = clock.bar("path tracing");
-    let finished = trace(&traced, &mut film, options.spp, &|done| {
-        bar.set_position((f64::from(done) * 1000.0) as u64);
-        !clock.cancelled()
-    })?;
-    bar.finish_and_clear();
+    let finished =
+        clock.watch("path tracing", |progress| trace(&traced, &mut film, options.spp, progress))?;
     let seconds = begun.elapsed().as_secs_f64();
 
     let shot = Shot { scene, map: &map, lens: &lens };

@@ -29,7 +29,7 @@ use super::{
         g_circular_integral,
     },
     quadrature::GaussLegendre,
-    tables::{AbsorptionMoments, pack},
+    tables::{AbsorptionMoments, pack, place},
 };
 
 /// Range of η′ above 2 over which λ₃′ goes from w_c to λ₃.
@@ -102,9 +102,8 @@ impl ClearEnergies {
 
     /// E_t at θ_d in [−π/2, π/2], interpolated linearly; above 0.
     pub fn at(&self, theta_d: f64) -> [f64; 3] {
-        let x = (theta_d.abs() / FRAC_PI_2).min(1.0) * (Self::ROWS - 1) as f64;
-        let low = (x as usize).min(Self::ROWS - 2);
-        let (a, b, f) = (self.rows[low], self.rows[low + 1], x - low as f64);
+        let (low, f) = place(theta_d.abs() / FRAC_PI_2, Self::ROWS);
+        let (a, b) = (self.rows[low], self.rows[low + 1]);
         [0, 1, 2].map(|t| (a[t] + f * (b[t] - a[t])).max(Self::LEAST))
     }
 }

@@ -29,7 +29,7 @@ use super::{
     fibre::Fibre,
     longitudinal::{energy_compensation, lobe_range, longitudinal, projection},
     quadrature::GaussLegendre,
-    tables::pack,
+    tables::{pack, place},
 };
 
 /// Zinke's density factors d_f, d_b: the share of the hemisphere that neighbouring strands fill.
@@ -178,13 +178,6 @@ impl AverageTable {
             })
             .collect()
     }
-}
-
-/// The row below x in [0, 1] of `rows` that span it, and the part of the way to the next.
-fn place(x: f64, rows: usize) -> (usize, f64) {
-    let x = x.clamp(0.0, 1.0) * (rows - 1) as f64;
-    let low = (x as usize).min(rows - 2);
-    (low, x - low as f64)
 }
 
 /// The averages at one θ from the shares over |θ_d|.

@@ -268,6 +268,13 @@ impl Tables {
     }
 }
 
+/// The row below x in [0, 1] of `rows` that span it, and the part of the way to the next.
+pub fn place(x: f64, rows: usize) -> (usize, f64) {
+    let x = x.clamp(0.0, 1.0) * (rows - 1) as f64;
+    let low = (x as usize).min(rows - 2);
+    (low, x - low as f64)
+}
+
 /// Eight numbers as 16-bit floats, the entry of every table on the GPU (shaders/packed.wgsl): loads are
 /// half of the shader's time on lavapipe, and 2e-4 of a value is well below the method's own error.
 pub fn pack(values: [f64; 8]) -> [u32; 4] {
