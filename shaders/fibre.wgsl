@@ -6,24 +6,30 @@ struct Fibre {
     alpha: vec3f,         // longitudinal shift α_t of θ_h
     eta: f32,             // index of refraction
     lambda: vec3f,        // bandwidth 2√2 β_t of M_t over θ_i
-    segments: u32,        // m of the quadrature over θ_i, ≥ 2
+    nodes: u32,           // `fast`: over θ_i, 2 to 4; `xu`: the segments m ≥ 2
+    sigma_a: vec3f,       // absorption per radius
+    blur: f32,            // 1−⟨cos⟩ of TRT's own blur w_c
     eta_star: vec2f,      // η*(φ_h) = x + y cos 2φ_h, Eq 24
-    eta_low: f32,         // η̄* of the fit table's first layer
+    eta_low: f32,         // η̄* of a table's first layer
     eta_per_layer: f32,   // layers per unit of η̄*, 0 for a round fibre
     eta_layers: u32,
 }
 
+// What a scene lacks costs nothing: set when the pipeline is made.
+override ECCENTRIC: bool = true;
+
+// Group 0 also holds two tables, which a method declares at bindings 1 and 2.
 @group(0) @binding(0) var<uniform> fibre: Fibre;
-// Eight 16-bit floats an entry. 𝒞_k and the half circle: src/scattering/tables.rs, CircleTable.
-@group(0) @binding(1) var<storage, read> circle_table: array<vec4u>;
-// Averages over θ, 𝒩^G over θ_d and φ, fits over η̄* and θ_d: AverageTable, GlobalTable, FitTable.
-@group(0) @binding(2) var<storage, read> fibre_table: array<vec4u>;
 
 // RGB for each mode.
 struct Modes {
     r: vec3f,
     tt: vec3f,
     trt: vec3f,
+}
+
+fn compensated(energy: vec3f, modes: Modes) -> vec3f {
+    return energy.x * modes.r + energy.y * modes.tt + energy.z * modes.trt;
 }
 
 // Four numbers of an entry.

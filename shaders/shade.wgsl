@@ -1,19 +1,11 @@
-// Radiance of each needed strand point towards the eye: the sum over SRBF lights of single and dual
-// scattering (Xu 2011, Eq 2–4), with transport's means in place of T̃ and T_f.
+// Radiance of each needed strand point towards the eye: the sum over SRBF lights of what the method makes of
+// their arrival. A method's file defines
 //
-//   L = Σ_j L_j [ direct · (M_j + d_b b M_j^L,direct) + E_j forward · (M_j^G + d_b b M_j^L) ]
+//   struct Strand, strand(fibre, θ_o, around)      what all lights share at a point
+//   light_scattering(fibre, strand, arrival) -> Lit
+//   field_scattering(fibre, strand, field)         of the light that lingers around the point
 //
-// direct = T̃; forward = d_f (mean e^{−τ(1−ā_f)} − T̃), for Poisson crossings; E_j = ∫G_j dω, since ψ_f is
-// normalised and G_j is not; b = 1 − e^{−2(1−ā_f)τ′}, the share of the endless medium's back scattering that
-// the hair beyond the point can give. With the factor 2 dropped from M and from S_back alike, and with
-// s̃_f = 1/π in M^L, no further π belongs before d_b.
-
-const D_B = 0.7;
-const D_F = 0.7;
-
-const SINGLE = 1u;
-const GLOBAL = 2u;
-const LOCAL = 4u;
+// and nothing else is called from here.
 
 struct Light {
     direction: vec3f,
@@ -46,7 +38,7 @@ struct NeededPoints {
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(4) var<storage, read> reach: array<u32>;    // light by light, slot by slot: transport::Reach
 @group(1) @binding(5) var<storage, read_write> radiance: array<vec4f>;
-@group(1) @binding(6) var<storage, read> slots: array<u32>;     // of each point
+@group(1) @binding(6) var<storage, read> slots: array<vec2u>;   // of each point, and transport::surroundings
 
 @compute @workgroup_size(64)
 fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -55,7 +47,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         return;
     }
     let point = needed.points[item];
-    let slot = slots[point];
+    let slot = slots[point].x;
     if (slot >= shading.slots) {
         return;
     }
@@ -71,66 +63,37 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     let axis_x = cos(twist) * normal + sin(twist) * cross(u, normal);
     let axis_y = cross(u, axis_x);
     let o = across(to_eye, axis_x, axis_y);
-    let energy_o = averages(theta_o).energy;
+    let strand = strand_at(fibre, theta_o, depth_of(slots[point].y));
 
     var total = vec3f(0.0);
+    var field = vec3f(0.0);
     for (var j = 0u; j < shading.lights; j++) {
         let light = lights[shading.first_light + j];
         let bits = reach[j * shading.slots + slot];
         let direct = square(f32(bits & 1023u) / 1023.0);
         let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
-        let open = square(f32((bits >> 18u) & 63u) / 63.0);
-        let beyond = square(f32(bits >> 24u) / 255.0);
         if (max(direct, quarter) < light.least) {
             continue;
         }
         let sin_j = clamp(dot(u, light.direction), -1.0, 1.0);
-        let theta_j = asin_accurate(sin_j);
         let d = across(light.direction, axis_x, axis_y);
-        let phi = atan2_accurate(o.y * d.x - o.x * d.y, dot(o, d));     // φ_o − φ_j
-        let cos_sum = o.x * d.x - o.y * d.y;                            // cos(φ_o + φ_j)
-        let a = averages(theta_j);
-
-        // ln of the mean of V e^{−sτ}, quadratic in s through its values at 0, ¼ and 1.
-        let ln_quarter = log(max(quarter, 1e-6) / open);
-        let ln_direct = log(max(direct, 2e-7) / open);
-        let p = (16.0 * ln_quarter - ln_direct) / 3.0;
-        let q = ln_direct - p;
-        let s = 1.0 - a.a_f;
-        let arriving = min(open * exp(min(s * (p + q * s), vec3f(0.0))), vec3f(open));
-        let forward = D_F * max(arriving - direct, vec3f(0.0));
-
-        // The mean optical depth of what arrives, and from it the mean number of forward scatterings,
-        // given that there was one.
-        let scatterings = max(-(p + 2.0 * q * s) * a.a_f, vec3f(1e-4));
-        let mean_count = scatterings / (1.0 - exp(-scatterings));
-        let spread2 = dot(mean_count * a.beta_f2, vec3f(1.0 / 3.0));
-        let sigma_f = sqrt(light.lambda * light.lambda + spread2);
-        let back = D_B * (1.0 - exp(4.0 * s * log(max(beyond, 1e-6))));
-
-        // Loops that run once: see resolve.wgsl.
-        var scattered = vec3f(0.0);
-        for (var lit = direct >= light.least; lit; lit = false) {
-            if ((shading.parts & SINGLE) != 0u) {
-                let m = single_scattering(fibre, theta_o, theta_j, phi, cos_sum, light.lambda);
-                scattered += direct * (energy_o.x * m.r + energy_o.y * m.tt + energy_o.z * m.trt);
-            }
-            if ((shading.parts & LOCAL) != 0u) {
-                scattered += back * direct * local_scattering_direct(fibre, theta_o, theta_j, phi, light.lambda);
-            }
-        }
-        let forward_energy = light.energy * forward;
-        for (var lit = any(forward >= vec3f(light.least)); lit; lit = false) {
-            if ((shading.parts & GLOBAL) != 0u) {
-                let m = global_scattering(fibre, theta_o, theta_j, phi, sigma_f);
-                scattered += forward_energy * (energy_o.x * m.r + energy_o.y * m.tt + energy_o.z * m.trt);
-            }
-            if ((shading.parts & LOCAL) != 0u) {
-                scattered += back * forward_energy
-                    * local_scattering_forward(fibre, theta_o, theta_j, phi, sigma_f);
-            }
-        }
-        total += light.rgb * scattered;
+        let arrival = Arrival(
+            asin_accurate(sin_j),
+            atan2_accurate(o.y * d.x - o.x * d.y, dot(o, d)),
+            o.x * d.x - o.y * d.y,
+            light.lambda,
+            light.energy,
+            light.least,
+            direct,
+            square(f32(bits >> 24u) / 255.0),
+            depth_of(bits),
+        );
+        let lit = light_scattering(fibre, strand, arrival, shading.parts);
+        total += light.rgb * lit.radiance;
+        field += light.rgb * lit.field;
+    }
+    if ((shading.parts & LOCAL) != 0u) {
+        total += field_scattering(strand, field);
     }
     if (shading.first_light > 0u) {
         total += radiance[point].rgb;
@@ -150,8 +113,4 @@ fn any_normal(u: vec3f) -> vec3f {
     let s = select(-1.0, 1.0, u.z >= 0.0);
     let a = -1.0 / (s + u.z);
     return vec3f(1.0 + s * u.x * u.x * a, s * u.x * u.y * a, -s * u.x);
-}
-
-fn square(x: f32) -> f32 {
-    return x * x;
 }

@@ -1,4 +1,9 @@
-// The table of circular moments. Twin: src/scattering/tables.rs, CircleTable.
+// The tables of `xu`, and circular moments. Twin: src/scattering/tables.rs.
+
+// Eight 16-bit floats an entry. 𝒞_k and the half circle: CircleTable.
+@group(0) @binding(1) var<storage, read> circle_table: array<vec4u>;
+// Averages over θ, 𝒩^G over θ_d and φ, fits over η̄* and θ_d: AverageTable, GlobalTable, FitTable.
+@group(0) @binding(2) var<storage, read> fibre_table: array<vec4u>;
 
 const CIRCLE_ROWS = 64u;
 const CIRCLE_COLUMNS = 96u;

@@ -1,7 +1,4 @@
 // The paper's method. Twin: src/scattering/xu.rs, which states units and deviations.
-// A method defines single_scattering, global_scattering, local_scattering_direct and
-// local_scattering_forward; nothing else calls into it.
-//
 // Way of the data: a light's lobe over θ_i times M_t is one Gaussian (product); walk_* places its
 // nodes; at each node the inner integral over φ is closed: R from circle_table, TT and TRT from the
 // fits in fibre_table, all of 𝒩^G from its table there.
@@ -16,9 +13,9 @@ fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum
 
     let r = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.x, fibre.lambda.x);
     if r.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(r.mu, r.lambda, fibre.segments);
+        var walk = walk_begin(r.mu, r.lambda, fibre.nodes);
         var sum = 0.0;
-        for (var k = 0u; k + 1u < fibre.segments; k++) {
+        for (var k = 0u; k + 1u < fibre.nodes; k++) {
             let node = walk_next(&walk, k);
             let kappa = kappa_j * max(cos(node.theta), 0.0);
             let c = r_coefficients(fibre.eta, 0.5 * (theta_o - node.theta));
@@ -30,10 +27,10 @@ fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum
 
     let tt = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.y, fibre.lambda.y);
     if tt.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(tt.mu, tt.lambda, fibre.segments);
+        var walk = walk_begin(tt.mu, tt.lambda, fibre.nodes);
         var sum = vec3f();
         let cos2 = vec3f(column.cos_half * column.cos_half);
-        for (var k = 0u; k + 1u < fibre.segments; k++) {
+        for (var k = 0u; k + 1u < fibre.nodes; k++) {
             let node = walk_next(&walk, k);
             let kappa = kappa_j * max(cos(node.theta), 0.0);
             let fit = fit_tt(0.5 * (theta_o - node.theta));
@@ -45,9 +42,9 @@ fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum
 
     let trt = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.z, fibre.lambda.z);
     if trt.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(trt.mu, trt.lambda, fibre.segments);
+        var walk = walk_begin(trt.mu, trt.lambda, fibre.nodes);
         var sum = vec3f();
-        for (var k = 0u; k + 1u < fibre.segments; k++) {
+        for (var k = 0u; k + 1u < fibre.nodes; k++) {
             let node = walk_next(&walk, k);
             let kappa = kappa_j * max(cos(node.theta), 0.0);
             var mean_cos = 0.0;
@@ -75,9 +72,9 @@ fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f
 
     let r = mode_lobe(theta_o, theta_j, spread, fibre.alpha.x, fibre.lambda.x);
     if r.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(r.mu, r.lambda, fibre.segments);
+        var walk = walk_begin(r.mu, r.lambda, fibre.nodes);
         var sum = 0.0;
-        for (var k = 0u; k + 1u < fibre.segments; k++) {
+        for (var k = 0u; k + 1u < fibre.nodes; k++) {
             let node = walk_next(&walk, k);
             let inner = global_r_tt(0.5 * (theta_o - node.theta), column).x;
             sum += node.weight * projection(node.theta, theta_o) * inner;
@@ -87,9 +84,9 @@ fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f
 
     let tt = mode_lobe(theta_o, theta_j, spread, fibre.alpha.y, fibre.lambda.y);
     if tt.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(tt.mu, tt.lambda, fibre.segments);
+        var walk = walk_begin(tt.mu, tt.lambda, fibre.nodes);
         var sum = vec3f();
-        for (var k = 0u; k + 1u < fibre.segments; k++) {
+        for (var k = 0u; k + 1u < fibre.nodes; k++) {
             let node = walk_next(&walk, k);
             let inner = global_r_tt(0.5 * (theta_o - node.theta), column).yzw;
             sum += node.weight * projection(node.theta, theta_o) * inner;
@@ -99,9 +96,9 @@ fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f
 
     let trt = mode_lobe(theta_o, theta_j, spread, fibre.alpha.z, fibre.lambda.z);
     if trt.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(trt.mu, trt.lambda, fibre.segments);
+        var walk = walk_begin(trt.mu, trt.lambda, fibre.nodes);
         var sum = vec3f();
-        for (var k = 0u; k + 1u < fibre.segments; k++) {
+        for (var k = 0u; k + 1u < fibre.nodes; k++) {
             let node = walk_next(&walk, k);
             let inner = global_trt(0.5 * (theta_o - node.theta), column);
             sum += node.weight * projection(node.theta, theta_o) * inner;
@@ -119,9 +116,9 @@ fn local_scattering_direct(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, l
     }
     let kappa_j = concentration(lambda_j) * max(cos(theta_j), 0.0);
     let column = circle_column(phi);
-    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, fibre.segments);
+    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, fibre.nodes);
     var sum = vec3f();
-    for (var k = 0u; k + 1u < fibre.segments; k++) {
+    for (var k = 0u; k + 1u < fibre.nodes; k++) {
         let node = walk_next(&walk, k);
         let kappa = kappa_j * max(cos(node.theta), 0.0);
         let azimuth = g_circular_integral(vec3f(kappa)).x * circle_half(kappa, column);
@@ -138,9 +135,9 @@ fn local_scattering_forward(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, 
     if lobe.gaussian.amplitude < AMPLITUDE_MIN {
         return vec3f();
     }
-    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, fibre.segments);
+    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, fibre.nodes);
     var sum = vec3f();
-    for (var k = 0u; k + 1u < fibre.segments; k++) {
+    for (var k = 0u; k + 1u < fibre.nodes; k++) {
         let node = walk_next(&walk, k);
         sum += back_node(node, theta_o);
     }
@@ -177,4 +174,64 @@ fn back_lobe(theta_o: f32, theta_j: f32, width: f32) -> BackLobe {
 fn back_node(node: Node, theta_o: f32) -> vec3f {
     let theta = 0.5 * (node.theta - theta_o);
     return node.weight * projection(node.theta, theta_o) * average_A_b(average_row(theta));
+}
+
+// Dual scattering, Xu 2011 Eq 2–4, with transport's means in place of T̃ and T_f:
+//
+//   direct · (M_j + d_b b M_j^L,direct) + E_j forward · (M_j^G + d_b b M_j^L)
+//
+// direct = T̃; forward = d_f (mean e^{−τ(1−ā_f)} − T̃), for Poisson crossings; E_j = ∫G_j dω, since ψ_f is
+// normalised and G_j is not; b = 1 − e^{−2(1−ā_f)τ′}, the share of the endless medium's back scattering that
+// the hair beyond the point can give. With the factor 2 dropped from M and from S_back alike, and with
+// s̃_f = 1/π in M^L, no further π belongs before d_b.
+
+const D_B = 0.7;
+const D_F = 0.7;
+
+struct Strand {
+    theta_o: f32,
+    energy: vec3f,      // energy compensation of R, TT, TRT
+}
+
+fn strand_at(fibre: Fibre, theta_o: f32, around: Depth) -> Strand {
+    return Strand(theta_o, averages(theta_o).energy);
+}
+
+fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> Lit {
+    let a = averages(arrival.theta_j);
+    let s = 1.0 - a.a_f;
+    let arriving = through(arrival.depth, s);
+    let forward = D_F * max(arriving - arrival.direct, vec3f(0.0));
+    let spread2 = dot(scatterings(arrival.depth, a.a_f) * a.beta_f2, vec3f(1.0 / 3.0));
+    let sigma_f = sqrt(arrival.lambda * arrival.lambda + spread2);
+    let back = D_B * (1.0 - exp(4.0 * s * log(max(arrival.beyond, 1e-6))));
+
+    // Loops that run once: see resolve.wgsl.
+    var scattered = vec3f(0.0);
+    for (var lit = arrival.direct >= arrival.least; lit; lit = false) {
+        if ((parts & SINGLE) != 0u) {
+            let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
+            scattered += arrival.direct * compensated(strand.energy, m);
+        }
+        if ((parts & LOCAL) != 0u) {
+            scattered += back * arrival.direct
+                * local_scattering_direct(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.lambda);
+        }
+    }
+    let forward_energy = arrival.energy * forward;
+    for (var lit = any(forward >= vec3f(arrival.least)); lit; lit = false) {
+        if ((parts & GLOBAL) != 0u) {
+            let m = global_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);
+            scattered += forward_energy * compensated(strand.energy, m);
+        }
+        if ((parts & LOCAL) != 0u) {
+            scattered += back * forward_energy
+                * local_scattering_forward(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);
+        }
+    }
+    return Lit(scattered, vec3f());
+}
+
+fn field_scattering(strand: Strand, field: vec3f) -> vec3f {
+    return vec3f();
 }

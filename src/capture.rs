@@ -7,14 +7,12 @@ use anyhow::{Result, bail};
 use glam::Vec3;
 
 use crate::gpu::Gpu;
-use crate::gpu::frame::{Background, FibreData, Frame, Parts, Renderer};
-use crate::gpu::uniforms::FibreUniform;
+use crate::gpu::frame::{Background, Frame, Parts, Renderer};
+use crate::gpu::method::MethodData;
 use crate::image::write_frame;
 use crate::progress::{Clock, Reporting};
 use crate::reference::transmittance::RealStrands;
-use crate::scattering::azimuthal::Energy;
-use crate::scattering::{tables, xu};
-use crate::scene::{self, Energies, Lens, Scattering, Scene};
+use crate::scene::{self, Lens, Scattering, Scene};
 use crate::srbf;
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 use crate::stats::{
@@ -22,7 +20,7 @@ use crate::stats::{
     TransportFigures,
 };
 use crate::transport::volume::Volume;
-use crate::transport::{self, Occluders, Transport};
+use crate::transport::{self, Occluders};
 
 /// Pairs of a point and a light that `--verify` casts rays for.
 const VERIFIED_PAIRS: usize = 4096;
@@ -61,19 +59,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, wanted, progress))?;
     clock.step("fit")?;
 
-    let fibre = scene.fibre.resolve();
-    let segments = scene.render.segments;
-    let tables = tables::build();
-    let energy = match scene.render.energies {
-        Energies::Quadrature => Energy::Quadrature,
-        Energies::Taylor => Energy::Taylor(&tables.absorption),
-    };
-    let fibre = FibreData {
-        uniform: FibreUniform::new(&fibre, segments),
-        circle_table: tables.to_gpu(),
-        fibre_table: xu::fibre_table(&fibre, segments, energy, &tables),
-    };
-    let mut renderer = Renderer::new(gpu, &fibre, &stage)?;
+    let method = MethodData::new(&scene.fibre.resolve(), &scene.render);
+    let mut renderer = Renderer::new(gpu, &method, &stage)?;
     clock.step("upload")?;
 
     let count = outputs.frames.len();
@@ -95,11 +82,12 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         !clock.cancelled()
     });
     bar.finish_and_clear();
-    let Some(Transport { reach, head_irradiance }) = transport else { bail!("cancelled") };
-    renderer.set_lights(&lights, &points, &reach);
+    let Some(transport) = transport else { bail!("cancelled") };
+    renderer.set_lights(&lights, &points, &transport);
     let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
-    renderer
-        .set_head_radiance(&head_irradiance.iter().map(|e| *e * to_radiance).collect::<Vec<_>>());
+    renderer.set_head_radiance(
+        &transport.head_irradiance.iter().map(|e| *e * to_radiance).collect::<Vec<_>>(),
+    );
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
         &map.environment,
@@ -139,9 +127,9 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     bar.finish_and_clear();
     let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
-    let delta_t = options
-        .verify
-        .then(|| RealStrands::new(&stage).delta_t(&points, &lights, &reach, VERIFIED_PAIRS));
+    let delta_t = options.verify.then(|| {
+        RealStrands::new(&stage).delta_t(&points, &lights, &transport.reach, VERIFIED_PAIRS)
+    });
     if let Some(delta) = delta_t {
         clock.note(&format!(
             "ΔT̃ over shaded points and all lights: mean {:+.4}, mean |ΔT̃| {:.4}",

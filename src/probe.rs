@@ -21,10 +21,10 @@
 //! - `dual`: `theta` → `a_f`, `a_b`, `alpha_f`, `alpha_b`, `beta_f`, `beta_b`, `A_b`, `delta_b`, `sigma_b`,
 //!   angles of θ_h; `A_b` is the whole series (`reference/averages.rs`).
 //!
-//! [`Method::Exact`] is `reference`. [`Method::Fast`] is what the renderer computes, for marschner alone: its
-//! f64 twin on the CPU or its own WGSL on the GPU, without energy compensation. It has no value per direction,
-//! so `bcsdf` is its answer to a light of λ_j = 0.01 and unit energy, and has no pdf; of `dual` it holds
-//! `a_f`, `a_b`, `beta_f`, `A_b`, `delta_b`, `sigma_b`, and the result has those columns only.
+//! [`Method::Exact`] is `reference`. The others are what the renderer computes, for marschner alone: its f64 twin
+//! on the CPU or its own WGSL on the GPU, without energy compensation. They have no value per direction, so
+//! `bcsdf` is their answer to a light of λ_j = 0.01 and unit energy, and has no pdf; of `dual` they hold `a_f`,
+//! `a_b`, `beta_f`, and `xu` also `A_b`, `delta_b`, `sigma_b`, and the result has those columns only.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, SQRT_2};
@@ -34,6 +34,7 @@ use std::str::FromStr;
 use anyhow::{Context, Result, bail, ensure};
 use rayon::prelude::*;
 
+use crate::gpu::method::MethodData;
 use crate::reference::{
     Bcsdf, DEON_LOBES,
     averages::averages,
@@ -45,10 +46,12 @@ use crate::reference::{
 };
 use crate::scattering::{
     azimuthal::{Energy, wrap},
+    fast::{self, Fast},
     fibre::Fibre,
     gaussian,
-    xu::Xu,
+    xu::{Modes, Xu},
 };
+use crate::scene::{self, Energies};
 
 /// What is computed for each row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,69 +87,106 @@ impl FromStr for Function {
 pub enum Method {
     Exact,
     Fast,
+    Xu,
 }
 
 /// How [`run`] computes.
 #[derive(Clone, Copy)]
 pub struct Options<'a> {
     pub model: Bcsdf,
-    /// `None`: exact on the CPU, fast on the GPU.
+    /// `None`: exact on the CPU, `fast` on the GPU.
     pub method: Option<Method>,
     /// Runs the renderer's WGSL; `None` is the CPU.
     pub gpu: Option<&'a Gpu<'a>>,
 }
 
-/// The outputs of a [`Request`] for each of the inputs, computed by the renderer for one fibre with
-/// [`SEGMENTS`] and without energy compensation.
+/// The outputs of a [`Request`] for each of the inputs, computed by the renderer for one fibre, with
+/// [`SEGMENTS`] or [`NODES`] and without energy compensation.
 pub type Gpu<'a> = dyn Fn(&Fibre, Request, &[[f32; 8]]) -> Result<Vec<[f32; 12]>> + 'a;
 
-/// Segments m of the renderer's quadrature.
+/// Segments m of the quadrature of `xu`, nodes of `fast`.
 pub const SEGMENTS: u32 = 4;
+/// See [`SEGMENTS`].
+pub const NODES: u32 = 2;
 
 /// A function of the renderer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Request {
+pub struct Request {
+    pub quantity: Quantity,
+    pub method: scene::Method,
+}
+
+/// What a [`Request`] asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quantity {
     /// (θ_o, θ_j, φ_o−φ_j, cos(φ_o+φ_j), λ_j) → R, TT, TRT, RGB each.
     SingleScattering,
-    /// (θ) → ā_f, ā_b, Ā_b, β̄_f², Δ̄_b, σ̄_b of the first channel, in the renderer's units.
+    /// (θ) → ā_f, ā_b, β̄_f², and of `xu` Ā_b, Δ̄_b, σ̄_b, of the first channel, in the renderer's units.
     Averages,
 }
 
 impl Request {
     /// WGSL that reads `x: array<vec4f, 2>` and sets `y: array<vec4f, 3>`.
     pub fn statement(self) -> &'static str {
-        match self {
-            Self::SingleScattering => {
+        match (self.quantity, self.method) {
+            (Quantity::SingleScattering, _) => {
                 "let m = single_scattering(fibre, x[0].x, x[0].y, x[0].z, x[0].w, x[1].x);
                 y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2].x = m.trt.z;"
             }
-            Self::Averages => {
+            (Quantity::Averages, scene::Method::Fast) => {
+                "let a = shares(fibre, x[0].x);
+                y[0] = vec4f(a.a_f.x, a.a_b.x, a.beta_f2.x, 0.0);"
+            }
+            (Quantity::Averages, scene::Method::Xu) => {
                 "let a = averages(x[0].x);
-                y[0] = vec4f(a.a_f.x, a.a_b.x, a.A_b.x, a.beta_f2.x);
+                y[0] = vec4f(a.a_f.x, a.a_b.x, a.beta_f2.x, a.A_b.x);
                 y[1] = vec4f(a.delta_b, a.sigma_b, 0.0, 0.0);"
             }
         }
     }
 
+    /// What the statement runs with, for one fibre.
+    pub fn data(self, fibre: &Fibre) -> MethodData {
+        match self.method {
+            scene::Method::Fast => MethodData::fast(fibre, NODES),
+            scene::Method::Xu => MethodData::xu(fibre, SEGMENTS, Energies::Quadrature),
+        }
+    }
+
     /// The same by the f64 twin.
-    fn twin(self, xu: &Xu, x: &[f64; 8]) -> [f64; 12] {
-        let mut y = [0.0; 12];
-        match self {
-            Self::SingleScattering => {
-                let m = xu.single_scattering(x[0], x[1], x[2], x[3], x[4]);
-                y[..9].copy_from_slice([m.r, m.tt, m.trt].as_flattened());
+    fn twins(self, fibre: &Fibre, inputs: &[[f64; 8]]) -> Vec<[f64; 12]> {
+        let modes = |m: Modes| [m.r, m.tt, m.trt].as_flattened().to_vec();
+        let single = self.quantity == Quantity::SingleScattering;
+        let padded = |y: Vec<f64>| std::array::from_fn(|k| y.get(k).copied().unwrap_or(0.0));
+        match self.method {
+            scene::Method::Fast => {
+                let tables = fast::Tables::new(fibre, NODES as usize);
+                let fast = Fast::new(fibre, &tables);
+                let of = |x: &[f64; 8]| {
+                    if single {
+                        return modes(fast.single_scattering(x[0], x[1], x[2], x[3], x[4]));
+                    }
+                    let a = fast.shares(x[0]);
+                    vec![a.a_f[0], a.a_b[0], a.beta_f2[0]]
+                };
+                inputs.par_iter().map(|x| padded(of(x))).collect()
             }
-            Self::Averages => {
-                let a = xu.averages(x[0]);
-                let of = [a.a_f[0], a.a_b[0], a.big_a_b[0], a.beta_f2[0], a.delta_b, a.sigma_b];
-                y[..6].copy_from_slice(&of);
+            scene::Method::Xu => {
+                let xu = Xu::new(fibre, SEGMENTS, Energy::Quadrature);
+                let of = |x: &[f64; 8]| {
+                    if single {
+                        return modes(xu.single_scattering(x[0], x[1], x[2], x[3], x[4]));
+                    }
+                    let a = xu.averages(x[0]);
+                    vec![a.a_f[0], a.a_b[0], a.beta_f2[0], a.big_a_b[0], a.delta_b, a.sigma_b]
+                };
+                inputs.par_iter().map(|x| padded(of(x))).collect()
             }
         }
-        y
     }
 }
 
-/// The light that stands for one direction of `bcsdf` by [`Method::Fast`]: it widens a lobe of β = 5° by
+/// The light that stands for one direction of `bcsdf` by the renderer's methods: it widens a lobe of β = 5° by
 /// 0.08 %.
 const NARROW: f64 = 0.01;
 
@@ -223,12 +263,13 @@ fn needs(function: Function, model: Bcsdf) -> Vec<&'static str> {
 fn results(function: Function, method: Method) -> &'static [&'static str] {
     match (function, method) {
         (Function::Bcsdf, Method::Exact) => &["f_cos_r", "f_cos_g", "f_cos_b", "pdf"],
-        (Function::Bcsdf, Method::Fast) => &["f_cos_r", "f_cos_g", "f_cos_b"],
+        (Function::Bcsdf, Method::Fast | Method::Xu) => &["f_cos_r", "f_cos_g", "f_cos_b"],
         (Function::Srbf, _) => &["m_r", "m_tt", "m_trt"],
         (Function::Dual, Method::Exact) => {
             &["a_f", "a_b", "alpha_f", "alpha_b", "beta_f", "beta_b", "A_b", "delta_b", "sigma_b"]
         }
-        (Function::Dual, Method::Fast) => &["a_f", "a_b", "beta_f", "A_b", "delta_b", "sigma_b"],
+        (Function::Dual, Method::Fast) => &["a_f", "a_b", "beta_f"],
+        (Function::Dual, Method::Xu) => &["a_f", "a_b", "beta_f", "A_b", "delta_b", "sigma_b"],
     }
 }
 
@@ -315,12 +356,12 @@ pub fn run(
     let default = if options.gpu.is_some() { Method::Fast } else { Method::Exact };
     let method = options.method.unwrap_or(default);
     ensure!(
-        method == Method::Fast || options.gpu.is_none(),
-        "the GPU has the fast method only: give --on cpu for the exact one"
+        method != Method::Exact || options.gpu.is_none(),
+        "the GPU has the renderer's methods only: give --on cpu for the exact one"
     );
     ensure!(
         method == Method::Exact || options.model == Bcsdf::Marschner,
-        "the renderer's method is made for marschner: give --model marschner, or the exact method"
+        "the renderer's methods are made for marschner: give --model marschner, or the exact method"
     );
     ensure!(
         function != Function::Dual || options.model != Bcsdf::Chiang,
@@ -347,9 +388,9 @@ pub fn run(
             .par_iter()
             .map(|group| exact(function, model, &of(group)))
             .collect::<Result<_>>()?,
-        Method::Fast => fibres
+        Method::Fast | Method::Xu => fibres
             .iter()
-            .map(|group| fast(function, options.gpu, &of(group)))
+            .map(|group| renderers(function, method, options.gpu, &of(group)))
             .collect::<Result<_>>()?,
     };
     let mut ordered: Vec<(usize, Vec<f64>)> =
@@ -504,28 +545,33 @@ fn exact_dual(fibre: &dyn FibreModel, row: &Row) -> Vec<f64> {
 }
 
 /// The renderer's results for rows of one fibre.
-fn fast(function: Function, gpu: Option<&Gpu>, rows: &[&Row]) -> Result<Vec<Vec<f64>>> {
+fn renderers(
+    function: Function,
+    method: Method,
+    gpu: Option<&Gpu>,
+    rows: &[&Row],
+) -> Result<Vec<Vec<f64>>> {
     let Some(first) = rows.first() else { return Ok(Vec::new()) };
-    let request = match function {
-        Function::Bcsdf | Function::Srbf => Request::SingleScattering,
-        Function::Dual => Request::Averages,
+    let quantity = match function {
+        Function::Bcsdf | Function::Srbf => Quantity::SingleScattering,
+        Function::Dual => Quantity::Averages,
     };
-    let inputs: Vec<[f64; 8]> = rows.iter().map(|row| fast_input(function, row)).collect();
+    let own = if method == Method::Xu { scene::Method::Xu } else { scene::Method::Fast };
+    let request = Request { quantity, method: own };
+    let inputs: Vec<[f64; 8]> = rows.iter().map(|row| input_of(function, row)).collect();
     let outputs: Vec<[f64; 12]> = match gpu {
         Some(gpu) => {
             let inputs: Vec<_> = inputs.iter().map(|x| x.map(|x| x as f32)).collect();
             let outputs = gpu(&first.fibre(), request, &inputs)?;
             outputs.into_iter().map(|y| y.map(f64::from)).collect()
         }
-        None => {
-            let xu = Xu::new(&first.fibre(), SEGMENTS, Energy::Quadrature);
-            inputs.par_iter().map(|x| request.twin(&xu, x)).collect()
-        }
+        None => request.twins(&first.fibre(), &inputs),
     };
-    Ok(outputs.iter().map(|y| fast_output(function, y)).collect())
+    let count = results(function, method).len();
+    Ok(outputs.iter().map(|y| output_of(function, y)[..count].to_vec()).collect())
 }
 
-fn fast_input(function: Function, row: &Row) -> [f64; 8] {
+fn input_of(function: Function, row: &Row) -> [f64; 8] {
     let single = |j: Direction, lambda_j| {
         let o = row.direction("theta_o", "phi_o");
         let (apart, sum) = (wrap(o.phi - j.phi), (o.phi + j.phi).cos());
@@ -538,7 +584,7 @@ fn fast_input(function: Function, row: &Row) -> [f64; 8] {
     }
 }
 
-fn fast_output(function: Function, y: &[f64; 12]) -> Vec<f64> {
+fn output_of(function: Function, y: &[f64; 12]) -> Vec<f64> {
     match function {
         Function::Bcsdf => {
             let energy = gaussian::srbf_integral(NARROW);
@@ -547,7 +593,7 @@ fn fast_output(function: Function, y: &[f64; 12]) -> Vec<f64> {
         Function::Srbf => vec![y[0], y[3], y[6]],
         // From bandwidths and shifts of θ_i+θ_o to standard deviations and shifts of θ_h.
         Function::Dual => {
-            vec![y[0], y[1], (0.125 * y[3]).sqrt(), y[2], 0.5 * y[4], y[5] / (2.0 * SQRT_2)]
+            vec![y[0], y[1], (0.125 * y[2]).sqrt(), y[3], 0.5 * y[4], y[5] / (2.0 * SQRT_2)]
         }
     }
 }

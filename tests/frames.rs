@@ -290,7 +290,7 @@ fn figures_have_the_documented_names_and_verify_fills_in_transmittance() {
 // What must hold of any frame.
 
 #[test]
-fn dense_white_hair_sends_back_no_more_than_it_gets() {
+fn dense_white_hair_sends_back_most_of_what_it_gets_and_no_more() {
     let folder = tempdir().unwrap();
     write_unit_map(folder.path());
     // Mean and greatest radiance of the pixels that hair fills.
@@ -319,15 +319,15 @@ fn dense_white_hair_sends_back_no_more_than_it_gets() {
                 "β_R = {beta}°, lights {lights}, from {azimuth}°: mean {mean:.3}, most {most:.3}"
             );
             println!("{line}");
-            // Dual scattering loses most of what goes deep; the lower bound only tells white from black.
-            if most > 1.001 || mean < 0.2 {
+            // What arrives and what leaves are means over other directions: 2.5 % too much where they differ most.
+            if most > 1.03 || mean < 0.65 {
                 let _ = writeln!(report, "{line}");
             }
         }
     }
     assert!(report.is_empty(), "{report}");
     let (_, most) = radiance(&["--preset", "white", "--env-exposure", "1"]);
-    assert!(most > 1.001, "twice the light is told apart: {most}");
+    assert!(most > 1.5, "twice the light is told apart: {most}");
     let (mean, _) = radiance(&["--preset", "black"]);
     assert!(mean < 0.2, "black hair is told apart: {mean}");
 }

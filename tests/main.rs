@@ -1,12 +1,15 @@
 //! One binary, a module per room: it links once.
 
+mod azimuth_table;
 mod chi_square;
 mod cli;
 mod environment;
+mod fast;
 mod frames;
 mod groom;
 mod hair;
 mod measure;
+mod nodes;
 mod probe;
 mod reference_cli;
 mod reference_integral;

@@ -315,7 +315,8 @@ fn the_mean_over_h_is_the_far_field() {
 #[test]
 fn hard_places_stay_finite_and_weights_bounded() {
     let mut random = Uniform(5);
-    let mut heaviest = [0f64; 2];
+    // Uncompensated and compensated, then the same at η = 1.
+    let mut heaviest = [0f64; 4];
     for (eta, sigma_a, beta_deg, w_c, eccentricity) in [
         (1.55, 0.0, 7.5, 0.2, 1.0),
         (1.55, 20.0, 7.5, 0.2, 1.0),
@@ -349,16 +350,51 @@ fn hard_places_stay_finite_and_weights_bounded() {
                         let Evaluation { f_cos, pdf } = sample.value;
                         assert!(f_cos[0].is_finite() && pdf > 0.0 && pdf.is_finite());
                         if k < 2 && eccentricity == 1.0 {
-                            heaviest[k] = heaviest[k].max(f_cos[0] / pdf);
+                            let place = k + if eta == 1.0 { 2 } else { 0 };
+                            heaviest[place] = heaviest[place].max(f_cos[0] / pdf);
                         }
                     }
                 }
             }
         }
     }
-    println!("f_cos/pdf at most {:.1}, compensated {:.1}", heaviest[0], heaviest[1]);
-    // 4 C/P_min.
-    assert!(heaviest[0] < 412.0 && heaviest[1] < 4.0 * 412.0);
+    println!("f_cos/pdf at most {heaviest:.1?}");
+    // cos²θ_i/cos²θ_d and the compensation rise to 4 each. At η = 1 all light is TT's but at the rim, where R's F
+    // jumps from 0 to 1 and R has its least share of 0.01/1.03.
+    assert!(heaviest[0] < 4.0 && heaviest[1] < 16.0);
+    assert!(heaviest[2] < 412.0 && heaviest[3] < 4.0 * 412.0);
+}
+
+#[test]
+fn what_a_draw_carries_is_next_to_the_albedo() {
+    const COUNT: usize = 5_000;
+    // Variance of f_cos/pdf over even h, relative to its mean squared, and its greatest value.
+    let spread = |model: &dyn FibreModel, degrees: f64| {
+        let (mut random, o) = (Uniform(17), Direction::new(degrees.to_radians(), -1.0));
+        let weights: Vec<f64> = (0..COUNT)
+            .map(|_| {
+                let h = 2.0 * random.next() - 1.0;
+                let sample = model.sample(&o, h, random.array());
+                sample.map_or(0.0, |s| s.value.f_cos[1] / s.value.pdf)
+            })
+            .collect();
+        let mean = weights.iter().sum::<f64>() / COUNT as f64;
+        let squares = weights.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / COUNT as f64;
+        (squares / (mean * mean), weights.into_iter().fold(0.0, f64::max))
+    };
+    let (mut widest, mut heaviest, mut control) = (0f64, 0f64, f64::MAX);
+    for beta_deg in [2.0, 7.5, 20.0] {
+        let model = Marschner::compensated(&fibre([0.0; 3], -7.0, beta_deg));
+        let hery = Hery::new(model.clone());
+        for degrees in [-85.0, 0.0, 45.0, 75.0, 85.0] {
+            let (variance, most) = spread(&model, degrees);
+            (widest, heaviest) = (widest.max(variance), heaviest.max(most));
+            control = control.min(spread(&hery, degrees).0);
+        }
+    }
+    println!("variance of f_cos/pdf {widest:.4}, at most {heaviest:.2}; Hery's {control:.2}");
+    assert!(widest < 0.012 && heaviest < 4.0);
+    assert!(control > 0.012);
 }
 
 /// Samples of one model with the density of another.

@@ -4,29 +4,33 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use hairlight::gpu::{
     Gpu,
-    probe::{self, INPUTS, OUTPUTS, ProbeTables},
+    method::MethodData,
+    probe::{self, INPUTS, OUTPUTS},
     shaders,
-    uniforms::FibreUniform,
 };
 use hairlight::scattering::{
+    azimuth_table::AzimuthTable,
     azimuthal::{Energy, FitTable},
     dual::AverageTable,
+    fast,
     fibre::Fibre,
     gaussian,
     global::GlobalTable,
     longitudinal,
-    tables::{self, CircleTable},
+    nodes::{self, NodeTable},
+    tables::CircleTable,
     xu::{self, Modes, Xu},
 };
+use hairlight::scene::{Energies, Method};
 
 /// Point `i` of the R_d sequence: evenly spread in `INPUTS` dimensions.
-fn low_discrepancy(i: usize) -> [f64; INPUTS] {
+pub(super) fn low_discrepancy(i: usize) -> [f64; INPUTS] {
     // The positive root of x^9 = x + 1.
     const ROOT: f64 = 1.085_070_245_491_450_8;
     std::array::from_fn(|d| (0.5 + (i as f64 + 1.0) * ROOT.powi(-(d as i32) - 1)).fract())
 }
 
-fn fibre(sigma_a: [f64; 3], beta_deg: f64, eccentricity: f64) -> Fibre {
+pub(super) fn fibre(sigma_a: [f64; 3], beta_deg: f64, eccentricity: f64) -> Fibre {
     let radians = |x: [f64; 3]| x.map(f64::to_radians);
     Fibre {
         eta: 1.55,
@@ -38,35 +42,38 @@ fn fibre(sigma_a: [f64; 3], beta_deg: f64, eccentricity: f64) -> Fibre {
     }
 }
 
-/// Runs `statement` with the tables of `fibre`.
-fn run(gpu: &Gpu, statement: &str, fibre: &Fibre, inputs: &[[f64; INPUTS]]) -> Vec<[f32; OUTPUTS]> {
+/// Runs `statement` of a method.
+pub(super) fn run(
+    gpu: &Gpu,
+    statement: &str,
+    method: &MethodData,
+    inputs: &[[f64; INPUTS]],
+) -> Vec<[f32; OUTPUTS]> {
     let inputs: Vec<_> = inputs.iter().map(|x| x.map(|x| x as f32)).collect();
-    let tables = tables::build();
-    let tables = ProbeTables {
-        fibre: FibreUniform::new(fibre, 4),
-        circle_table: &tables.to_gpu(),
-        fibre_table: &xu::fibre_table(fibre, 4, Energy::Quadrature, &tables),
-    };
-    probe::run(gpu, statement, &tables, &inputs).expect("the probe runs")
+    probe::run(gpu, statement, method, &inputs).expect("the probe runs")
+}
+
+fn xu_data(fibre: &Fibre) -> MethodData {
+    MethodData::xu(fibre, 4, Energies::Quadrature)
 }
 
 /// One function to compare: a WGSL statement, its twin, its inputs, and the tolerance
 /// |difference| ≤ relative·|twin| + floor.
-struct Case<'a> {
-    name: &'a str,
-    statement: &'a str,
-    relative: f64,
-    floor: f64,
-    input: fn([f64; INPUTS]) -> [f64; INPUTS],
-    twin: &'a dyn Fn([f64; INPUTS]) -> Vec<f64>,
+pub(super) struct Case<'a> {
+    pub(super) name: &'a str,
+    pub(super) statement: &'a str,
+    pub(super) relative: f64,
+    pub(super) floor: f64,
+    pub(super) input: fn([f64; INPUTS]) -> [f64; INPUTS],
+    pub(super) twin: &'a dyn Fn([f64; INPUTS]) -> Vec<f64>,
 }
 
 /// The worst of a case's outputs as a multiple of its tolerance, with a line that describes it.
-fn worst(gpu: &Gpu, fibre: &Fibre, case: &Case, count: usize) -> (f64, String) {
+pub(super) fn worst(gpu: &Gpu, method: &MethodData, case: &Case, count: usize) -> (f64, String) {
     // The shader sees f32: so does the twin.
     let inputs: Vec<[f64; INPUTS]> =
         (0..count).map(|i| (case.input)(low_discrepancy(i)).map(|x| f64::from(x as f32))).collect();
-    let outputs = run(gpu, case.statement, fibre, &inputs);
+    let outputs = run(gpu, case.statement, method, &inputs);
     let mut worst = (0.0, format!("{}: exact", case.name));
     for (input, output) in inputs.iter().zip(&outputs) {
         for (k, want) in (case.twin)(*input).into_iter().enumerate() {
@@ -83,8 +90,8 @@ fn worst(gpu: &Gpu, fibre: &Fibre, case: &Case, count: usize) -> (f64, String) {
 }
 
 /// Runs every case before it fails.
-fn check(gpu: &Gpu, fibre: &Fibre, cases: &[Case], count: usize) {
-    let results: Vec<_> = cases.iter().map(|case| worst(gpu, fibre, case, count)).collect();
+pub(super) fn check(gpu: &Gpu, method: &MethodData, cases: &[Case], count: usize) {
+    let results: Vec<_> = cases.iter().map(|case| worst(gpu, method, case, count)).collect();
     let failed: Vec<_> = results.iter().filter(|(excess, _)| *excess > 1.0).collect();
     for (excess, line) in &results {
         println!("{excess:8.3} of the tolerance, {line}");
@@ -92,25 +99,26 @@ fn check(gpu: &Gpu, fibre: &Fibre, cases: &[Case], count: usize) {
     assert!(failed.is_empty(), "{failed:#?}");
 }
 
-fn cpu() -> Gpu {
+pub(super) fn cpu() -> Gpu {
     Gpu::new("cpu").expect("a CPU adapter (lavapipe)")
 }
 
 /// (θ_o, θ_j near the mirror direction and beyond, φ, cos(φ_o+φ_j), width log-uniform in 0.02…3).
-fn scattering_input(u: [f64; INPUTS]) -> [f64; INPUTS] {
+pub(super) fn scattering_input(u: [f64; INPUTS]) -> [f64; INPUTS] {
     let theta_o = 1.5 * (2.0 * u[0] - 1.0);
     let theta_j = (-theta_o + 1.2 * (2.0 * u[1] - 1.0)).clamp(-1.5, 1.5);
     let width = 0.02 * 150f64.powf(u[3]);
     [theta_o, theta_j, PI * (2.0 * u[2] - 1.0), 2.0 * u[4] - 1.0, width, 0.0, 0.0, 0.0]
 }
 
-fn flat(modes: Modes) -> Vec<f64> {
+pub(super) fn flat(modes: Modes) -> Vec<f64> {
     [modes.r, modes.tt, modes.trt].concat()
 }
 
-const SINGLE: &str = "let m = single_scattering(fibre, x[0].x, x[0].y, x[0].z, x[0].w, x[1].x);
+pub(super) const SINGLE: &str =
+    "let m = single_scattering(fibre, x[0].x, x[0].y, x[0].z, x[0].w, x[1].x);
     y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2].x = m.trt.z;";
-const GLOBAL: &str = "let m = global_scattering(fibre, x[0].x, x[0].y, x[0].z, x[1].x);
+pub(super) const GLOBAL: &str = "let m = global_scattering(fibre, x[0].x, x[0].y, x[0].z, x[1].x);
     y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2].x = m.trt.z;";
 const LOCAL_DIRECT: &str =
     "y[0] = vec4f(local_scattering_direct(fibre, x[0].x, x[0].y, x[0].z, x[1].x), 0.0);";
@@ -253,7 +261,7 @@ fn small_functions_equal_their_twins() {
             },
         },
     ];
-    check(&gpu, &fibre, &cases, 4096);
+    check(&gpu, &xu_data(&fibre), &cases, 4096);
 }
 
 #[test]
@@ -264,7 +272,7 @@ fn integrals_equal_their_twins() {
         fibre([2.0, 4.0, 11.0], 3.0, 1.0),
         fibre([0.1, 0.2, 0.4], 12.0, 0.9),
     ] {
-        check(&gpu, &fibre, &scattering_cases(&Twins::new(&fibre)), 2048);
+        check(&gpu, &xu_data(&fibre), &scattering_cases(&Twins::new(&fibre)), 2048);
     }
 }
 
@@ -275,7 +283,7 @@ fn a_fibre_one_percent_off_is_told() {
     let other = Fibre { eta: 1.01 * fibre.eta, ..fibre };
     let twins = Twins::new(&fibre);
     for case in &scattering_cases(&twins)[..2] {
-        let (excess, _) = worst(&gpu, &other, case, 512);
+        let (excess, _) = worst(&gpu, &xu_data(&other), case, 512);
         assert!(excess > 1.0, "{} does not feel η: {excess} of its tolerance", case.name);
     }
 }
@@ -310,8 +318,9 @@ fn hard_inputs_stay_finite() {
     ];
     let mut bad = Vec::new();
     for fibre in &fibres {
+        let method = xu_data(fibre);
         for statement in statements {
-            for (input, output) in inputs.iter().zip(run(&gpu, statement, fibre, &inputs)) {
+            for (input, output) in inputs.iter().zip(run(&gpu, statement, &method, &inputs)) {
                 if output.iter().any(|y| !y.is_finite() || *y < 0.0) {
                     bad.push(format!("{statement:.30} {fibre:?} {input:?}: {output:?}"));
                 }
@@ -382,14 +391,10 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             pad
         ]
     );
-    same!(shaders::shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, pad]);
-    same!(
-        shaders::shade(),
-        "Shading",
-        ShadingUniform,
-        [eye, parts, first_light, lights, slots, pad]
-    );
-    for (shader, name) in [(shaders::mark(), "Needed"), (shaders::shade(), "NeededPoints")] {
+    let shade = || shaders::shade(Method::Fast);
+    same!(shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, pad]);
+    same!(shade(), "Shading", ShadingUniform, [eye, parts, first_light, lights, slots, pad]);
+    for (shader, name) in [(shaders::mark(), "Needed"), (shade(), "NeededPoints")] {
         let (members, _) = layout(&validated(&shader), name);
         let offset = |field: &str| members.iter().find(|m| m.0 == field).map(|m| m.1 as u64);
         assert_eq!(offset("dispatch"), Some(NEEDED_DISPATCH), "{name}");
@@ -399,7 +404,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
 
 #[test]
 fn layouts_and_constants_are_those_of_rust() {
-    let module = validated(&shaders::probe(SINGLE));
+    let module = validated(&shaders::probe(Method::Xu, SINGLE));
     let (_, fibre) = module
         .types
         .iter()
@@ -408,12 +413,15 @@ fn layouts_and_constants_are_those_of_rust() {
     let naga::TypeInner::Struct { members, span } = &fibre.inner else { panic!("{fibre:?}") };
     let offsets: Vec<_> =
         members.iter().map(|m| (m.name.as_deref().unwrap_or(""), m.offset as usize)).collect();
+    use hairlight::gpu::uniforms::FibreUniform;
     use std::mem::{offset_of, size_of};
     let expected = [
         ("alpha", offset_of!(FibreUniform, alpha)),
         ("eta", offset_of!(FibreUniform, eta)),
         ("lambda", offset_of!(FibreUniform, lambda)),
-        ("segments", offset_of!(FibreUniform, segments)),
+        ("nodes", offset_of!(FibreUniform, nodes)),
+        ("sigma_a", offset_of!(FibreUniform, sigma_a)),
+        ("blur", offset_of!(FibreUniform, blur)),
         ("eta_star", offset_of!(FibreUniform, eta_star)),
         ("eta_low", offset_of!(FibreUniform, eta_low)),
         ("eta_per_layer", offset_of!(FibreUniform, eta_per_layer)),
@@ -422,7 +430,7 @@ fn layouts_and_constants_are_those_of_rust() {
     assert_eq!(offsets, expected);
     assert_eq!(*span as usize, size_of::<FibreUniform>());
 
-    let constant = |name: &str| {
+    let constant = |module: &naga::Module, name: &str| {
         let (_, constant) = module
             .constants
             .iter()
@@ -450,7 +458,20 @@ fn layouts_and_constants_are_those_of_rust() {
         ("SPREAD_MAX", longitudinal::SPREAD_MAX),
         ("AMPLITUDE_MIN", xu::AMPLITUDE_MIN),
     ] {
-        let same = (constant(name) - value).abs() <= 1e-7 * value;
-        assert!(same, "{name} is {} in WGSL and {value} in Rust", constant(name));
+        let found = constant(&module, name);
+        assert!((found - value).abs() <= 1e-7 * value, "{name}: {found} in WGSL, {value} in Rust");
+    }
+    let module = validated(&shaders::probe(Method::Fast, SINGLE));
+    for (name, value) in [
+        ("DIFFUSIVITY", fast::DIFFUSIVITY),
+        ("MEAN_INCLINATION", fast::MEAN_INCLINATION),
+        ("COMPENSATION_MAX", longitudinal::COMPENSATION_MAX),
+        ("EXPONENT_MAX", nodes::EXPONENT_MAX),
+        ("NODE_ROWS", NodeTable::ROWS as f64),
+        ("NODE_COLUMNS", NodeTable::COLUMNS as f64),
+        ("AZIMUTH_SIZE", AzimuthTable::SIZE as f64),
+    ] {
+        let found = constant(&module, name);
+        assert!((found - value).abs() <= 1e-7 * value, "{name}: {found} in WGSL, {value} in Rust");
     }
 }

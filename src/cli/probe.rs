@@ -6,13 +6,10 @@ use clap::{Arg, ArgMatches, Command};
 
 use super::{choice, word};
 use crate::gpu::Gpu;
-use crate::gpu::probe::{ProbeTables, run as run_on_gpu};
-use crate::gpu::uniforms::FibreUniform;
-use crate::probe::{self, Function, Method, Options, Request, SEGMENTS};
+use crate::gpu::probe::run as run_on_gpu;
+use crate::probe::{self, Function, Method, Options, Request};
 use crate::reference::Bcsdf;
-use crate::scattering::azimuthal::Energy;
 use crate::scattering::fibre::Fibre;
-use crate::scattering::{tables, xu};
 
 pub fn command() -> Command {
     Command::new("probe")
@@ -38,8 +35,8 @@ pub fn command() -> Command {
         )
         .arg(choice("model", Bcsdf::WORDS).help("How a fibre scatters"))
         .arg(
-            choice("method", &["auto", "exact", "fast"]).help(
-                "By quadrature, or as the renderer does; auto is exact on the CPU, fast on the GPU",
+            choice("method", &["auto", "exact", "fast", "xu"]).help(
+                "By quadrature, or by a method of the renderer; auto is exact on the CPU, fast on the GPU",
             ),
         )
         .arg(choice("on", &["cpu", "gpu"]).help("In f64, or by the renderer's own WGSL"))
@@ -57,6 +54,7 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     let method = match word(matches, "method") {
         "exact" => Some(Method::Exact),
         "fast" => Some(Method::Fast),
+        "xu" => Some(Method::Xu),
         _ => None,
     };
     let model = Bcsdf::named(word(matches, "model"));
@@ -65,15 +63,8 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
         return probe::run(function, &Options { model, method, gpu: None }, input, output);
     }
     let gpu = Gpu::new(word(matches, "adapter"))?;
-    let tables = tables::build();
-    let circle_table = tables.to_gpu();
     let on_gpu = |fibre: &Fibre, request: Request, inputs: &[[f32; 8]]| {
-        let tables = ProbeTables {
-            fibre: FibreUniform::new(fibre, SEGMENTS),
-            circle_table: &circle_table,
-            fibre_table: &xu::fibre_table(fibre, SEGMENTS, Energy::Quadrature, &tables),
-        };
-        run_on_gpu(&gpu, request.statement(), &tables, inputs)
+        run_on_gpu(&gpu, request.statement(), &request.data(fibre), inputs)
     };
     probe::run(function, &Options { model, method, gpu: Some(&on_gpu) }, input, output)
 }

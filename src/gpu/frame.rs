@@ -6,17 +6,17 @@ use anyhow::{Result, ensure};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use wgpu::util::DeviceExt as _;
 
+use super::method::MethodData;
 use super::resources::*;
 use super::timer::PassTimer;
-use super::uniforms::{
-    FibreUniform, LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
-};
+use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform};
 use super::{Gpu, shaders};
 use crate::environment::Environment;
 use crate::hair::normals;
 use crate::scene::Lens;
 use crate::srbf::{SrbfLight, lobe_integral};
 use crate::stage::Geometry;
+use crate::transport::Transport;
 
 /// What stands behind the hair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,15 +46,6 @@ pub struct Frame {
     pub shaded: Vec<u32>,
     /// GPU milliseconds by pass; empty where the adapter has no timestamps.
     pub passes: BTreeMap<&'static str, f64>,
-}
-
-/// A fibre as `shaders::scattering_library` binds it in group 0.
-pub struct FibreData {
-    pub uniform: FibreUniform,
-    /// One for every fibre: `tables::Tables::to_gpu`.
-    pub circle_table: Vec<[u32; 4]>,
-    /// Made anew for every fibre: `xu::fibre_table`.
-    pub fibre_table: Vec<[u32; 4]>,
 }
 
 /// A light is left out at a point where less than this share of a fair part of the unshadowed irradiance
@@ -88,7 +79,7 @@ pub struct Renderer {
     head_radiance: wgpu::Buffer,
     lights: wgpu::Buffer,
     groups: Vec<LightGroup>,
-    /// Place of each point's reach, or [`NO_SLOT`].
+    /// Place of each point's reach, or [`NO_SLOT`], and its surroundings.
     slots: wgpu::Buffer,
     slot_count: u32,
     scattering: wgpu::BindGroup,
@@ -107,7 +98,7 @@ pub struct Renderer {
 
 impl Renderer {
     /// Uploads strands and head; the hair's centre becomes the origin.
-    pub fn new(gpu: Gpu, fibre: &FibreData, stage: &Geometry) -> Result<Renderer> {
+    pub fn new(gpu: Gpu, method: &MethodData, stage: &Geometry) -> Result<Renderer> {
         let Geometry { hair, diameters, frames, head, .. } = stage;
         let center = stage.center;
         let points = hair.points.len() as u32;
@@ -143,9 +134,9 @@ impl Renderer {
         let indices = RibbonIndices::new(device, segments.len() as u32, 1);
         let raster = module(device, "raster", &shaders::raster());
         let mark = module(device, "mark", &shaders::mark());
-        let shade = module(device, "shade", &shaders::shade());
+        let shade = module(device, "shade", &shaders::shade(method.method));
         let resolve = module(device, "resolve", &shaders::resolve());
-        let shade_pipeline = compute_pipeline(device, &shade, "shade");
+        let shade_pipeline = compute_pipeline(device, &shade, "shade", &method.constants());
         Ok(Renderer {
             points,
             segment_count: segments.len() as u32,
@@ -161,18 +152,18 @@ impl Renderer {
             groups: Vec::new(),
             slots: storage(device, "slots", &[]),
             slot_count: 0,
-            scattering: scattering_group(device, &shade_pipeline, fibre),
+            scattering: scattering_group(device, &shade_pipeline, method),
             environment: environment_texture(&gpu, 1, 1, &[[0.0; 4]]),
             environment_rotation_rad: 0.0,
             environment_scale: 1.0,
             hair_pipeline: raster_pipeline(device, &raster, "hair"),
             head_pipeline: raster_pipeline(device, &raster, "head"),
-            mark_pipeline: compute_pipeline(device, &mark, "mark"),
-            plan_pipeline: compute_pipeline(device, &mark, "plan_shading"),
-            end_pipeline: compute_pipeline(device, &mark, "end_shading"),
+            mark_pipeline: compute_pipeline(device, &mark, "mark", &[]),
+            plan_pipeline: compute_pipeline(device, &mark, "plan_shading", &[]),
+            end_pipeline: compute_pipeline(device, &mark, "end_shading", &[]),
             shade_pipeline,
-            resolve_pipeline: compute_pipeline(device, &resolve, "resolve"),
-            backdrop_pipeline: compute_pipeline(device, &resolve, "backdrop"),
+            resolve_pipeline: compute_pipeline(device, &resolve, "resolve", &[]),
+            backdrop_pipeline: compute_pipeline(device, &resolve, "backdrop", &[]),
             gpu,
         })
     }
@@ -212,10 +203,10 @@ impl Renderer {
     }
 
     /// Sets the lights (world frame, exposure included) and their packed reach at `points`:
-    /// `reach[j][k]` is light j at point `points[k]`. Segments with other points are no longer drawn: from
+    /// `transport.reach[j][k]` is light j at point `points[k]`. Segments with other points are no longer drawn: from
     /// the cameras that [`Self::visible_points`] was asked for they are hidden anyway, and leaving them
     /// out rasterises the same frame in a quarter of the time (sintel).
-    pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], reach: &[Vec<u32>]) {
+    pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], transport: &Transport) {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
         let fair = lights.iter().map(power).sum::<f64>() / lights.len().max(1) as f64;
         let entries: Vec<LightEntry> = lights
@@ -231,19 +222,20 @@ impl Renderer {
             .collect();
         let device = &self.gpu.device;
         self.lights = storage(device, "lights", bytemuck::cast_slice(&entries));
-        let mut slots = vec![NO_SLOT; self.points as usize];
-        for (slot, &point) in points.iter().enumerate() {
-            slots[point as usize] = slot as u32;
+        let mut slots = vec![[NO_SLOT, 0]; self.points as usize];
+        for (slot, (&point, &around)) in points.iter().zip(&transport.surroundings).enumerate() {
+            slots[point as usize] = [slot as u32, around];
         }
         self.slots = storage(device, "slots", bytemuck::cast_slice(&slots));
         self.slot_count = points.len() as u32;
         self.draw_segments(self.indices.pieces, |first| {
-            slots[first] != NO_SLOT && slots[first + 1] != NO_SLOT
+            slots[first][0] != NO_SLOT && slots[first + 1][0] != NO_SLOT
         });
         let device = &self.gpu.device;
         let limit = device.limits().max_storage_buffer_binding_size;
         let per_group = (limit / (4 * points.len().max(1) as u64)).max(1) as usize;
-        self.groups = reach
+        self.groups = transport
+            .reach
             .chunks(per_group)
             .enumerate()
             .map(|(group, chunk)| LightGroup {
@@ -252,11 +244,6 @@ impl Renderer {
                 reach: storage(device, "reach", bytemuck::cast_slice(&chunk.concat())),
             })
             .collect();
-    }
-
-    /// Sets the fibre; geometry and lights stay.
-    pub fn set_fibre(&mut self, fibre: &FibreData) {
-        self.scattering = scattering_group(&self.gpu.device, &self.shade_pipeline, fibre);
     }
 
     /// Sets the radiance of the head's vertices.
@@ -657,12 +644,11 @@ fn jitter(pass: u32, sampling: Sampling) -> Vec2 {
 fn scattering_group(
     device: &wgpu::Device,
     shade: &wgpu::ComputePipeline,
-    fibre: &FibreData,
+    method: &MethodData,
 ) -> wgpu::BindGroup {
-    let uniform = uniform_buffer(device, "fibre", bytemuck::bytes_of(&fibre.uniform));
-    let circle = storage(device, "circle table", bytemuck::cast_slice(&fibre.circle_table));
-    let table = storage(device, "fibre table", bytemuck::cast_slice(&fibre.fibre_table));
-    bind(device, &shade.get_bind_group_layout(0), &[&uniform, &circle, &table])
+    let fibre = uniform_buffer(device, "fibre", bytemuck::bytes_of(&method.fibre));
+    let [a, b] = method.tables.each_ref().map(|table| storage(device, "table", table));
+    bind(device, &shade.get_bind_group_layout(0), &[&fibre, &a, &b])
 }
 
 fn environment_texture(

@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use wgpu::util::DeviceExt;
 
-use super::{Gpu, shaders, uniforms::FibreUniform};
+use super::{Gpu, method::MethodData, shaders};
 
 /// Numbers of one input and of one output (shaders/probe/probe.wgsl).
 pub const INPUTS: usize = 8;
@@ -16,18 +16,11 @@ const UNWRITTEN: f32 = -1.234_567_8e30;
 /// Inputs of one dispatch at most.
 const ITEMS_MAX: usize = 65_535 * 64;
 
-/// Group 0 of the library, see shaders/fibre.wgsl.
-pub struct ProbeTables<'a> {
-    pub fibre: FibreUniform,
-    pub circle_table: &'a [[u32; 4]],
-    pub fibre_table: &'a [[u32; 4]],
-}
-
 /// Runs `statement`, WGSL that reads `x: array<vec4f, 2>` and sets `y: array<vec4f, 3>`, for each input.
 pub fn run(
     gpu: &Gpu,
     statement: &str,
-    tables: &ProbeTables,
+    method: &MethodData,
     inputs: &[[f32; INPUTS]],
 ) -> Result<Vec<[f32; OUTPUTS]>> {
     ensure!(
@@ -37,7 +30,7 @@ pub fn run(
     let device = &gpu.device;
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("probe"),
-        source: wgpu::ShaderSource::Wgsl(shaders::probe(statement).into()),
+        source: wgpu::ShaderSource::Wgsl(shaders::probe(method.method, statement).into()),
     });
     let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
@@ -69,7 +62,10 @@ pub fn run(
         })),
         module: &module,
         entry_point: Some("probe"),
-        compilation_options: Default::default(),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            constants: &method.constants(),
+            ..Default::default()
+        },
         cache: None,
     });
 
@@ -81,9 +77,9 @@ pub fn run(
         })
     };
     let buffers = [
-        buffer(bytemuck::bytes_of(&tables.fibre), wgpu::BufferUsages::UNIFORM),
-        buffer(bytemuck::cast_slice(tables.circle_table), wgpu::BufferUsages::STORAGE),
-        buffer(bytemuck::cast_slice(tables.fibre_table), wgpu::BufferUsages::STORAGE),
+        buffer(bytemuck::bytes_of(&method.fibre), wgpu::BufferUsages::UNIFORM),
+        buffer(&method.tables[0], wgpu::BufferUsages::STORAGE),
+        buffer(&method.tables[1], wgpu::BufferUsages::STORAGE),
         buffer(bytemuck::cast_slice(inputs), wgpu::BufferUsages::STORAGE),
     ];
     let output = buffer(

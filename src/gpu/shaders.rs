@@ -1,28 +1,44 @@
 //! The shaders, put together from their files. WGSL takes declarations in any order, so a shader is the
 //! plain concatenation of library files and one file with its entry points.
 
-/// The files of the method, but for its entry points: group 0 of shaders/fibre.wgsl and all that is
-/// evaluated at a point. xu.wgsl is the seam: another method's file would take its place.
-const SCATTERING: [&str; 8] = [
+use crate::scene::Method;
+
+/// What every method stands on.
+const COMMON: [&str; 5] = [
     include_str!("../../shaders/fibre.wgsl"),
     include_str!("../../shaders/angles.wgsl"),
     include_str!("../../shaders/gaussian.wgsl"),
     include_str!("../../shaders/longitudinal.wgsl"),
-    include_str!("../../shaders/tables.wgsl"),
-    include_str!("../../shaders/azimuthal.wgsl"),
-    include_str!("../../shaders/dual.wgsl"),
-    include_str!("../../shaders/xu.wgsl"),
+    include_str!("../../shaders/arrival.wgsl"),
 ];
 
+/// A method's own files. The last is the seam: shaders/shade.wgsl says what it defines.
+const fn own(method: Method) -> &'static [&'static str] {
+    match method {
+        Method::Fast => &[
+            include_str!("../../shaders/azimuth_table.wgsl"),
+            include_str!("../../shaders/nodes.wgsl"),
+            include_str!("../../shaders/fast.wgsl"),
+        ],
+        Method::Xu => &[
+            include_str!("../../shaders/tables.wgsl"),
+            include_str!("../../shaders/azimuthal.wgsl"),
+            include_str!("../../shaders/dual.wgsl"),
+            include_str!("../../shaders/walk.wgsl"),
+            include_str!("../../shaders/xu.wgsl"),
+        ],
+    }
+}
+
 /// Everything a pass needs to evaluate scattering; it binds group 0.
-pub fn scattering_library() -> String {
-    SCATTERING.join("\n")
+pub fn scattering_library(method: Method) -> String {
+    [&COMMON[..], own(method)].concat().join("\n")
 }
 
 /// The library with an entry point `probe` that calls `expression` for each item: see `probe.rs`.
-pub fn probe(expression: &str) -> String {
+pub fn probe(method: Method, expression: &str) -> String {
     let entry = include_str!("../../shaders/probe/probe.wgsl").replace("PROBED", expression);
-    scattering_library() + "\n" + &entry
+    scattering_library(method) + "\n" + &entry
 }
 
 const VIEW: &str = include_str!("../../shaders/view.wgsl");
@@ -38,8 +54,8 @@ pub fn mark() -> String {
 }
 
 /// Entry point `shade`.
-pub fn shade() -> String {
-    [&scattering_library(), include_str!("../../shaders/shade.wgsl")].join("\n")
+pub fn shade(method: Method) -> String {
+    [&scattering_library(method), include_str!("../../shaders/shade.wgsl")].join("\n")
 }
 
 /// Entry points `resolve`, `backdrop`.
@@ -48,6 +64,12 @@ pub fn resolve() -> String {
 }
 
 /// Every pass's shader with its name.
-pub fn passes() -> [(&'static str, String); 4] {
-    [("raster", raster()), ("mark", mark()), ("shade", shade()), ("resolve", resolve())]
+pub fn passes() -> [(&'static str, String); 5] {
+    [
+        ("raster", raster()),
+        ("mark", mark()),
+        ("shade, fast", shade(Method::Fast)),
+        ("shade, xu", shade(Method::Xu)),
+        ("resolve", resolve()),
+    ]
 }

@@ -4,7 +4,10 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
-use crate::scattering::{azimuthal::FitLayers, fibre::Fibre, longitudinal::longitudinal_bandwidth};
+use crate::scattering::{
+    azimuth_table::deficit, azimuthal::FitLayers, fibre::Fibre, gaussian::concentration,
+    longitudinal::longitudinal_bandwidth,
+};
 
 /// `Fibre` of shaders/fibre.wgsl.
 #[repr(C)]
@@ -13,7 +16,9 @@ pub struct FibreUniform {
     pub alpha: [f32; 3],
     pub eta: f32,
     pub lambda: [f32; 3],
-    pub segments: u32,
+    pub nodes: u32,
+    pub sigma_a: [f32; 3],
+    pub blur: f32,
     pub eta_star: [f32; 2],
     pub eta_low: f32,
     pub eta_per_layer: f32,
@@ -22,14 +27,16 @@ pub struct FibreUniform {
 }
 
 impl FibreUniform {
-    /// The fibre with m = `segments` ≥ 2 of the quadrature over θ_i.
-    pub fn new(fibre: &Fibre, segments: u32) -> Self {
+    /// The fibre, and the nodes (`fast`) or segments m ≥ 2 (`xu`) of the quadrature over θ_i.
+    pub fn new(fibre: &Fibre, nodes: u32) -> Self {
         let layers = FitLayers::new(fibre);
         Self {
             alpha: fibre.alpha.map(|a| a as f32),
             eta: fibre.eta as f32,
             lambda: fibre.beta.map(|b| longitudinal_bandwidth(b) as f32),
-            segments,
+            nodes,
+            sigma_a: fibre.sigma_a.map(|s| s as f32),
+            blur: deficit(concentration(fibre.w_c)) as f32,
             eta_star: [layers.mean as f32, layers.half as f32],
             eta_low: layers.low as f32,
             eta_per_layer: layers.per_eta() as f32,

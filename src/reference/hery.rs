@@ -4,11 +4,11 @@
 //! θ_max = π/2 − |θ_o/2−α|, so that |θ_i| ≤ π for θ_i = 2(θ_s+α)−θ_o; a θ_i beyond ±π/2 is folded back, and
 //! φ = 2 asin(2u₃−1). They state the density g^u(θ_s; β) cos(φ/2)/(8 cosθ_i) (Eq 9). Here as well:
 //! - TRT as they suggest, "a regular reflection lobe derived from R" with its own α and β. TT likewise, but
-//!   about φ = π: |sin(φ/2)|. A lobe is drawn by the same probabilities as in [`Marschner`].
+//!   about φ = π: |sin(φ/2)|. A lobe is drawn by the same probabilities as in [`Marschner`], in the mean over h.
 //! - f_cos is the Marschner model's, with Fresnel, attenuation and cos²θ_i/cos²θ_d, which they leave out.
 //!   f_cos/pdf is bounded for R and TT. For TRT it is not: the caustic rises to 4/(√π w_c) times cos(φ/2)/4,
-//!   which is 0 at φ = π. At θ_o = 0 (blond, β_R = 10°) the variance is 24 times that of [`Marschner`]'s own
-//!   sampling, at θ_o = 1.5 1.4 times.
+//!   which is 0 at φ = π. At θ_o = 0 (blond, β_R = 10°) the variance is 383 times that of [`Marschner`]'s own
+//!   sampling, at θ_o = 1.5 116 times.
 //! - The density stated is not that of what is drawn. Kept samples are a point mass (at |θ_i| = π, folded
 //!   to 0), and a direction reached by a fold is stated without it: of a lobe about −θ_o = −1.5 of
 //!   β = 7.5°, 39 % is folded. [`Hery::new`] goes on folding instead of keeping samples within θ_max, which

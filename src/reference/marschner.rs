@@ -13,11 +13,16 @@
 //! - For one h, R and TT stand for their means over h, which are smooth where a delta is not, and TRT is
 //!   A(h)·D(φ−Φ(h)). The mean over h is the model all the same.
 //!
-//! Beyond the papers: sampling, whose density is exact. A lobe by its energy, θ_i by the inverse of its
-//! Gaussian cut off at ±π/2, φ by cos(φ/2) for R, by an even h for TT and by Φ(h) and a draw of D for TRT.
-//! f_cos/pdf ≤ 4 A_p C_p/P_p for a lobe p drawn with probability P_p ≥ [`SHARE_MIN`]/1.03, of compensation
-//! C_p ≤ 4. For the TRT of an eccentric fibre it is about e^½√(1+Δ²/σ²) times as much, Δ half of the range
-//! of Φ and σ = w_c/√2, and without bound if w_c is 0.
+//! Beyond the papers: sampling, whose density is exact and whose f_cos/pdf stays near the albedo. A lobe is
+//! drawn by its energy, TRT's at the h given; θ_i by M_p cos²θ_i/cos²θ_d times the energy at θ_d, through a
+//! table over the share of M_p's Gaussian below θ_i, the Gaussian cut off at ±π/2; φ by an h that follows A_p(h)
+//! for R and TT, and by Φ(h) and a draw of D for TRT. For clear fibres of β_R = 2–20° and |θ_o| up to
+//! 85° f_cos/pdf has a relative variance of 0.001–0.01 and is at most 2.7; θ_i by the Gaussian alone, R by
+//! cos(φ/2) and TT by an even h have 0.04–0.42 and 12. Paths through clear hair meet tens of fibres, and
+//! weights multiply: a white furnace of 10,000 clear strands, at 64 samples 1.33 ± 0.38 with those, is
+//! 0.947 ± 0.002.
+//! An eccentric fibre's TRT is drawn with more blur instead: f_cos/pdf is about e^½√(1+Δ²/σ²) times as much, Δ
+//! half of the range of Φ and σ = w_c/√2, and without bound if w_c is 0.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_8, PI, TAU};
 
@@ -25,7 +30,7 @@ use rayon::prelude::*;
 
 use super::model::{Detector, Direction, Evaluation, FibreModel, Path, Sample, Section};
 use crate::scattering::{
-    azimuthal::{ClearEnergies, eccentric_eta, effective_absorption, energies, exit_azimuth, wrap},
+    azimuthal::{ClearEnergies, eccentric_eta, exit_azimuth, wrap},
     fibre::Fibre,
     fresnel::fresnel,
     gaussian::{concentration, g_circular, g_circular_integral},
@@ -34,8 +39,17 @@ use crate::scattering::{
     tables::place,
 };
 
-/// Rows of the energies over |θ_d| in [0, π/2]. They choose lobes, no more.
-const ENERGY_ROWS: usize = 256;
+/// Rows over cosθ_d in [0, 1] of the densities of |h|.
+const OFFSET_ROWS: usize = 33;
+
+/// Stands for cosθ_d = 0 there, where a fibre of η = 1 would reflect all light, and from where on none.
+const COS_GRAZING: f64 = 1e-3;
+
+/// A lobe of less energy is drawn as if it had this much everywhere: R has none at η = 1, but at its rim.
+const ENERGY_LEAST: f64 = 1e-9;
+
+/// Rows over θ_o in [−π/2, π/2] of the densities of θ_i, see [`theta_to_x`].
+const INCLINATION_ROWS: usize = 129;
 
 /// Rows of Z_p over θ_o in [−π/2, π/2], see [`theta_to_x`].
 const KEPT_ROWS: usize = 2049;
@@ -63,8 +77,12 @@ pub struct Marschner {
     /// η*(φ_h) = mean + half·cos 2φ_h.
     eta_star: (f64, f64),
     compensated: bool,
-    /// Mean over RGB of ½∫A_p dh over |θ_d|.
-    energies: Vec<[f64; 3]>,
+    /// A_p over |h|, the sum over RGB of a round fibre; rows over cosθ_d.
+    offsets: [Densities; 3],
+    /// cos²θ_i/cos²θ_d times the mean of A_p over h, over the cumulative share of M_p's Gaussian; rows over θ_o.
+    inclinations: [Densities; 3],
+    /// The mean over θ_i of TRT's A over |h|, by which it is chosen at a given h; rows over θ_o.
+    trt_offsets: Densities,
     /// Z_p(θ_o) = ∫M_p cos²θ_i/cos²θ_d E_p(θ_d) dθ_i / E_p(θ_o), E_p the energy of a clear fibre's lobe.
     kept: Vec<[f64; 3]>,
     rule: GaussLegendre,
@@ -75,7 +93,11 @@ pub struct Marschner {
 pub(super) struct Choice {
     /// Probability of each lobe; all 0 where there is no light.
     pub(super) share: [f64; 3],
-    theta: [TruncatedGaussian; 3],
+    gaussian: [TruncatedGaussian; 3],
+    /// Of [`Marschner::inclinations`].
+    row: Row,
+    /// What their values times M_p are multiplied by to be densities, the lobe's probability included.
+    scale: [f64; 3],
     /// C_p.
     compensation: [f64; 3],
 }
@@ -115,17 +137,43 @@ impl Marschner {
 
     fn build(fibre: &Fibre, compensated: bool) -> Self {
         let rule = GaussLegendre::new(16);
-        let energy_rule = GaussLegendre::new(24);
-        let energies = (0..ENERGY_ROWS)
-            .map(|row| {
-                let theta_d = FRAC_PI_2 * row as f64 / (ENERGY_ROWS - 1) as f64;
-                let of = fibre.sigma_a.map(|s| {
-                    let absorption = effective_absorption(s, fibre.eta, theta_d);
-                    energies(&energy_rule, fibre.eta, theta_d, absorption)
-                });
-                [0, 1, 2].map(|p| (of[0][p] + of[1][p] + of[2][p]) / 3.0)
+        let offsets = [0, 1, 2].map(|p| {
+            Densities::new(OFFSET_ROWS, |y| {
+                let cross = CrossSection::new(fibre, fibre.eta, y.max(COS_GRAZING).powi(2));
+                move |h| cross.attenuation(p, h).iter().sum::<f64>().max(ENERGY_LEAST)
             })
-            .collect();
+        });
+        // cos²θ_i/cos²θ_d and the row of θ_d, by the share of lobe p below θ_i.
+        let met = |p: usize, y: f64| {
+            let theta_o = x_to_theta(y);
+            let gaussian = TruncatedGaussian::of(fibre, p, theta_o);
+            move |share: f64| {
+                let theta_i = gaussian.sample(share);
+                let cos_d = (0.5 * (theta_o - theta_i)).cos();
+                (projection(theta_i, theta_o), Row::at(cos_d, OFFSET_ROWS))
+            }
+        };
+        let inclinations = [0, 1, 2].map(|p| {
+            Densities::new(INCLINATION_ROWS, |y| {
+                let (met, offsets) = (met(p, y), &offsets[p]);
+                move |share| {
+                    let (projection, row) = met(share);
+                    projection * offsets.integral(row)
+                }
+            })
+        });
+        let trt_offsets = Densities::new(INCLINATION_ROWS, |y| {
+            let met = met(2, y);
+            let nodes: Vec<(f64, Row)> = rule
+                .on(0.0, 1.0)
+                .map(|(share, weight)| {
+                    let (projection, row) = met(share);
+                    (weight * projection, row)
+                })
+                .collect();
+            let offsets = &offsets[2];
+            move |h| nodes.iter().map(|&(weight, row)| weight * offsets.value(row, h)).sum()
+        });
         let clear = ClearEnergies::new(fibre.eta);
         let kept = (0..KEPT_ROWS)
             .into_par_iter()
@@ -149,7 +197,9 @@ impl Marschner {
             detector_peak,
             eta_star: eccentric_eta(fibre.eta, fibre.eccentricity),
             compensated,
-            energies,
+            offsets,
+            inclinations,
+            trt_offsets,
             kept,
             rule,
         }
@@ -184,26 +234,36 @@ impl Marschner {
         CrossSection::new(&self.fibre, eta, cos2_d)
     }
 
-    /// How sampling divides between the lobes for one ω_o.
+    /// How sampling divides between the lobes for one ω_o, whatever h.
     pub(super) fn choice(&self, o: &Direction) -> Choice {
-        let kept = self.kept(o.theta());
-        // At the θ_d of the mirror's direction; the tilt shifts it by α_p.
-        let energy = interpolate(&self.energies, o.theta().abs() / FRAC_PI_2);
-        let mut choice = Choice::default();
+        self.choice_at(o, None)
+    }
+
+    /// The same at h.
+    fn choice_at(&self, o: &Direction, h: Option<f64>) -> Choice {
+        let theta_o = o.theta();
+        let kept = self.kept(theta_o);
+        let row = Row::at(theta_to_x(theta_o), INCLINATION_ROWS);
+        let mut choice = Choice { row, ..Choice::default() };
+        let mut inside = [0.0; 3];
         for p in 0..3 {
-            let mean = 2.0 * self.fibre.alpha[p] - o.theta();
-            choice.theta[p] = TruncatedGaussian::new(mean, 2.0 * self.fibre.beta[p]);
+            choice.gaussian[p] = TruncatedGaussian::of(&self.fibre, p, theta_o);
             choice.compensation[p] = self.compensation(kept[p]);
-            choice.share[p] = energy[p] * kept[p] * choice.compensation[p];
+            inside[p] = choice.gaussian[p].inside * self.inclinations[p].integral(row);
+            choice.share[p] = choice.compensation[p] * inside[p];
+        }
+        if let (Some(h), Detector::Circular { .. }) = (h, self.detector) {
+            choice.share[2] *= self.trt_offsets.density(row, h.abs());
         }
         let floor = SHARE_MIN * choice.share.iter().sum::<f64>();
-        for p in 0..3 {
-            let drawn = choice.theta[p].inside > INSIDE_MIN;
+        for (p, &inside) in inside.iter().enumerate() {
+            let drawn = choice.gaussian[p].inside > INSIDE_MIN && inside > 0.0;
             choice.share[p] = if drawn { choice.share[p] + floor } else { 0.0 };
         }
         let total = choice.share.iter().sum::<f64>();
-        if total > 0.0 {
-            choice.share = choice.share.map(|share| share / total);
+        for (p, &inside) in inside.iter().enumerate().filter(|(_, inside)| **inside > 0.0) {
+            choice.share[p] /= total.max(f64::MIN_POSITIVE);
+            choice.scale[p] = choice.share[p] / inside;
         }
         choice
     }
@@ -219,21 +279,22 @@ impl Marschner {
         let phi = wrap(i.phi - o.phi);
         let cos2_d = cos2_d(o, i);
         let cross = CrossSection::new(&self.fibre, self.fibre.eta, cos2_d);
+        let row = Row::at(cross.cos_d, OFFSET_ROWS);
         let (sin_half, cos_half) = (0.5 * phi).sin_cos();
         let azimuths = [
-            r(&cross, cos_half),
-            tt(&cross, sin_half.abs(), cos_half),
+            r(&cross, sin_half, cos_half, |h| self.offsets[0].density(row, h)),
+            tt(&cross, sin_half.abs(), cos_half, |h| self.offsets[1].density(row, h)),
             self.trt(phi, 0.5 * (i.phi + o.phi), cos2_d, h),
         ];
+        let theta_i = i.theta();
         let cos_i = i.cos_theta.max(1e-17);
         let projection = cos_i * cos_i / cos2_d;
         let mut evaluation = Evaluation::default();
         for (p, azimuth) in azimuths.iter().enumerate() {
-            let m =
-                longitudinal(i.theta(), o.theta(), self.fibre.alpha[p], self.fibre.beta[p]) / cos_i;
-            if choice.share[p] > 0.0 {
-                evaluation.pdf += choice.share[p] * m / choice.theta[p].inside * azimuth.density;
-            }
+            let (density, u) = choice.gaussian[p].density_and_share(theta_i);
+            let m = density / cos_i;
+            let drawn = choice.scale[p] * self.inclinations[p].value(choice.row, u);
+            evaluation.pdf += drawn * m * azimuth.density;
             let value = choice.compensation[p] * projection * m;
             for c in 0..3 {
                 evaluation.f_cos[c] += value * azimuth.value[c];
@@ -246,7 +307,8 @@ impl Marschner {
     fn trt(&self, phi: f64, phi_h: f64, cos2_d: f64, h: f64) -> Azimuth {
         let cross = self.cross_section(2, cos2_d, phi_h);
         let Detector::Circular { kappa } = self.detector else {
-            let bare = caustic(&cross, phi);
+            let row = Row::at(cross.cos_d, OFFSET_ROWS);
+            let bare = caustic(&cross, phi, |h| self.offsets[2].density(row, h));
             let density = if self.eccentric() { 1.0 / TAU } else { bare.density };
             return Azimuth { density, ..bare };
         };
@@ -278,16 +340,20 @@ impl Marschner {
 
     /// φ of lobe p drawn by a uniform `u`.
     fn draw_azimuth(&self, p: usize, cos2_d: f64, h: f64, u: f64) -> f64 {
-        let side = 2.0 * u - 1.0;
         let cross = CrossSection::new(&self.fibre, self.fibre.eta, cos2_d);
+        let side = 2.0 * u - 1.0;
+        let offset = || {
+            let row = Row::at(cross.cos_d, OFFSET_ROWS);
+            self.offsets[p].sample(row, side.abs()).copysign(side)
+        };
         match (p, self.detector) {
-            (0, _) => 2.0 * side.asin(),
-            (1, _) => cross.azimuth(1, side),
+            (0, _) => 2.0 * offset().asin(),
+            (1, _) => cross.azimuth(1, offset()),
             _ if self.eccentric() => {
                 let (centre, detector) = self.eccentric_proposal(cos2_d, h);
                 centre + detector.sample(u)
             }
-            (_, Detector::Delta) => cross.azimuth(2, side),
+            (_, Detector::Delta) => cross.azimuth(2, offset()),
             _ => cross.azimuth(2, h) + self.detector.sample(u),
         }
     }
@@ -318,23 +384,24 @@ impl FibreModel for Marschner {
         let cross = self.cross_section(p, section_cos2_d(section), section.phi_h);
         let (sin_half, cos_half) = (0.5 * wrap(phi)).sin_cos();
         match (p, self.detector) {
-            (0, _) => r(&cross, cos_half).value,
-            (1, _) => tt(&cross, sin_half.abs(), cos_half).value,
+            (0, _) => r(&cross, sin_half, cos_half, |_| 1.0).value,
+            (1, _) => tt(&cross, sin_half.abs(), cos_half, |_| 1.0).value,
             (_, Detector::Circular { kappa }) => {
                 blurred_trt(&self.rule, &cross, phi, kappa).map(|n| n * self.detector_peak)
             }
-            _ => caustic(&cross, phi).value,
+            _ => caustic(&cross, phi, |_| 1.0).value,
         }
     }
 
     fn evaluate(&self, o: &Direction, i: &Direction, h: f64) -> Evaluation {
-        self.evaluate_by(&self.choice(o), o, i, h)
+        self.evaluate_by(&self.choice_at(o, Some(h)), o, i, h)
     }
 
     fn sample(&self, o: &Direction, h: f64, u: [f64; 4]) -> Option<Sample> {
-        let choice = self.choice(o);
+        let choice = self.choice_at(o, Some(h));
         let p = choice.lobe(u[0])?;
-        let theta_i = choice.theta[p].sample(u[1]);
+        let share = self.inclinations[p].sample(choice.row, u[1]);
+        let theta_i = choice.gaussian[p].sample(share);
         let level = Direction::new(theta_i, 0.0);
         let phi = self.draw_azimuth(p, cos2_d(o, &level), h, u[2]);
         let direction = Direction { phi: wrap(o.phi + phi), ..level };
@@ -408,15 +475,15 @@ impl CrossSection {
     }
 }
 
-/// N_R, whose root is h = −sin(φ/2), drawn by cos(φ/2)/4.
-fn r(cross: &CrossSection, cos_half: f64) -> Azimuth {
-    let density = 0.25 * cos_half;
+/// N_R, whose root is h = −sin(φ/2). Here as below `drawn` is the density of |h| where φ is drawn by h.
+fn r(cross: &CrossSection, sin_half: f64, cos_half: f64, drawn: impl Fn(f64) -> f64) -> Azimuth {
+    let even = 0.25 * cos_half;
     let f = fresnel(cross.cos_d * cos_half, cross.eta);
-    Azimuth { value: [f * density; 3], density }
+    Azimuth { value: [f * even; 3], density: even * drawn(sin_half.abs()) }
 }
 
-/// N_TT from sin and cos of |φ|/2, that is cos y and sin y, drawn by an even h.
-fn tt(cross: &CrossSection, cos_y: f64, sin_y: f64) -> Azimuth {
+/// N_TT from sin and cos of |φ|/2, that is cos y and sin y.
+fn tt(cross: &CrossSection, cos_y: f64, sin_y: f64, drawn: impl Fn(f64) -> f64) -> Azimuth {
     let q = cross.q.min(1.0 - TT_WIDTH_MIN);
     // 1−cos y without the cancellation.
     let versine = sin_y * sin_y / (1.0 + cos_y);
@@ -425,13 +492,14 @@ fn tt(cross: &CrossSection, cos_y: f64, sin_y: f64) -> Azimuth {
         return Azimuth::default();
     }
     let d = (1.0 - q).powi(2) + 2.0 * q * versine;
-    let density = 0.25 * inside * (1.0 - q * cos_y) / (d * d.sqrt());
-    let a = cross.attenuation(1, sin_y / d.sqrt());
-    Azimuth { value: a.map(|a| a * density), density }
+    let even = 0.25 * inside * (1.0 - q * cos_y) / (d * d.sqrt());
+    let h = sin_y / d.sqrt();
+    let value = cross.attenuation(1, h).map(|a| a * even);
+    Azimuth { value, density: even * drawn(h) }
 }
 
-/// N_TRT without blur: Eq 9 over all roots of φ(2, h) = φ, drawn by an even h.
-fn caustic(cross: &CrossSection, phi: f64) -> Azimuth {
+/// N_TRT without blur: Eq 9 over all roots of φ(2, h) = φ.
+fn caustic(cross: &CrossSection, phi: f64, drawn: impl Fn(f64) -> f64) -> Azimuth {
     let q = cross.q;
     let phi = wrap(phi).abs();
     let over = |gamma: f64| 4.0 * (q * gamma.sin()).asin() - 2.0 * gamma - phi;
@@ -445,10 +513,11 @@ fn caustic(cross: &CrossSection, phi: f64) -> Azimuth {
     let mut sum = Azimuth::default();
     for piece in ends.windows(2) {
         if let Some(gamma) = root(piece[0], piece[1], over, slope) {
-            let density = 0.5 * gamma.cos() / slope(gamma).abs().max(CAUSTIC_SLOPE_MIN);
-            let a = cross.attenuation(2, gamma.sin());
-            sum.density += density;
-            sum.value = [0, 1, 2].map(|c| sum.value[c] + a[c] * density);
+            let even = 0.5 * gamma.cos() / slope(gamma).abs().max(CAUSTIC_SLOPE_MIN);
+            let h = gamma.sin();
+            let a = cross.attenuation(2, h);
+            sum.density += even * drawn(h.abs());
+            sum.value = [0, 1, 2].map(|c| sum.value[c] + a[c] * even);
         }
     }
     sum
@@ -593,6 +662,112 @@ fn interpolate(rows: &[[f64; 3]], x: f64) -> [f64; 3] {
     [0, 1, 2].map(|p| rows[low][p] + f * (rows[low + 1][p] - rows[low][p]))
 }
 
+/// Cells of a row of [`Densities`].
+const CELLS: usize = 32;
+
+/// The least value at an end of a row of [`Densities`], as a share of its neighbour's.
+const END_LEAST: f64 = 0.1;
+
+/// Functions over x in [0, 1] to draw x by, in rows over y in [0, 1]: straight between even nodes and between
+/// rows, so that densities are exact and continuous.
+#[derive(Clone, Debug)]
+struct Densities {
+    rows: Vec<[Node; CELLS + 1]>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Node {
+    value: f64,
+    /// The integral from x = 0, times [`CELLS`].
+    sum: f64,
+}
+
+/// The row below some y, and the part of the way to the next.
+#[derive(Clone, Copy, Debug, Default)]
+struct Row {
+    low: usize,
+    f: f64,
+}
+
+impl Row {
+    /// At y in [0, 1] of `rows`.
+    fn at(y: f64, rows: usize) -> Self {
+        let (low, f) = place(y, rows);
+        Self { low, f }
+    }
+}
+
+impl Densities {
+    /// `of(y)` is the function of a row.
+    fn new<F: Fn(f64) -> f64>(rows: usize, of: impl Fn(f64) -> F + Sync) -> Self {
+        let rule = GaussLegendre::new(8);
+        let row = |row| {
+            let f = of(row as f64 / (rows - 1) as f64);
+            let x = |k: usize| k as f64 / CELLS as f64;
+            let mut nodes: [Node; CELLS + 1] =
+                std::array::from_fn(|k| Node { value: f(x(k)), sum: 0.0 });
+            // The ends keep their cells' integrals, since a function may fall to 0 in the last part of a cell, and
+            // some of their neighbours' values: a draw of exactly 0 has a density.
+            for (end, next) in [(0, 1), (CELLS, CELLS - 1)] {
+                let (low, high) = (x(end.min(next)), x(end.max(next)));
+                let mean = CELLS as f64 * rule.integrate(low, high, &f);
+                let next = nodes[next].value;
+                nodes[end].value = (2.0 * mean - next).max(END_LEAST * next);
+            }
+            for k in 0..CELLS {
+                nodes[k + 1].sum = nodes[k].sum + 0.5 * (nodes[k].value + nodes[k + 1].value);
+            }
+            nodes
+        };
+        Self { rows: (0..rows).into_par_iter().map(row).collect() }
+    }
+
+    fn node(&self, row: Row, k: usize) -> Node {
+        let [low, high] = [row.low, row.low + 1].map(|i| self.rows[i][k]);
+        Node {
+            value: low.value + row.f * (high.value - low.value),
+            sum: low.sum + row.f * (high.sum - low.sum),
+        }
+    }
+
+    /// The integral over x.
+    fn integral(&self, row: Row) -> f64 {
+        self.node(row, CELLS).sum / CELLS as f64
+    }
+
+    fn value(&self, row: Row, x: f64) -> f64 {
+        let (k, f) = place(x, CELLS + 1);
+        let [low, high] = [k, k + 1].map(|k| self.node(row, k).value);
+        low + f * (high - low)
+    }
+
+    /// [`Self::value`] over the integral; 1 where that is 0.
+    fn density(&self, row: Row, x: f64) -> f64 {
+        let integral = self.integral(row);
+        if integral > 0.0 { self.value(row, x) / integral } else { 1.0 }
+    }
+
+    /// x for a uniform `u` in [0, 1).
+    fn sample(&self, row: Row, u: f64) -> f64 {
+        let target = u * self.node(row, CELLS).sum;
+        if target <= 0.0 {
+            return u;
+        }
+        // The last node whose sum is not above the target.
+        let (mut k, mut step) = (0, CELLS / 2);
+        while step > 0 {
+            k += step * usize::from(self.node(row, k + step).sum <= target);
+            step /= 2;
+        }
+        let [low, high] = [k, k + 1].map(|k| self.node(row, k));
+        // The root of low·f + (high−low)·f²/2 = rest.
+        let rest = target - low.sum;
+        let root = (low.value * low.value + 2.0 * (high.value - low.value) * rest).max(0.0).sqrt();
+        let f = 2.0 * rest / (low.value + root).max(f64::MIN_POSITIVE);
+        (k as f64 + f.min(1.0)) / CELLS as f64
+    }
+}
+
 /// A Gaussian over [−π/2, π/2], which the rest of the line is cut off from.
 #[derive(Clone, Copy, Debug, Default)]
 struct TruncatedGaussian {
@@ -610,34 +785,58 @@ impl TruncatedGaussian {
         Self { mean, sigma, tails, inside: tails[0] - tails[1] }
     }
 
-    /// θ for a uniform `u` in [0, 1).
+    /// Lobe p's.
+    fn of(fibre: &Fibre, p: usize, theta_o: f64) -> Self {
+        Self::new(2.0 * fibre.alpha[p] - theta_o, 2.0 * fibre.beta[p])
+    }
+
+    /// θ below which lies the share `u` in [0, 1] of what is not cut off.
     fn sample(&self, u: f64) -> f64 {
-        let t = upper_quantile(self.tails[0] - u * self.inside);
         // Mirrored to a mean below 0, so that a lobe cut off near its all is an upper tail; ±π/2 is passed by
         // rounding only.
+        let below = if self.mean > 0.0 { 1.0 - u } else { u };
+        let t = upper_quantile(self.tails[0] - below * self.inside);
         let theta = (self.sigma * t - self.mean.abs()).clamp(-FRAC_PI_2, FRAC_PI_2);
         if self.mean > 0.0 { -theta } else { theta }
     }
+
+    /// The density of the whole Gaussian at θ in [−π/2, π/2], and the inverse of [`Self::sample`].
+    fn density_and_share(&self, theta: f64) -> (f64, f64) {
+        let mirrored = if self.mean > 0.0 { -theta } else { theta };
+        let t = (mirrored + self.mean.abs()) / self.sigma;
+        let density = normal(t) / self.sigma;
+        let below = (self.tails[0] - upper_tail(t)) / self.inside.max(f64::MIN_POSITIVE);
+        (density, if self.mean > 0.0 { 1.0 - below } else { below })
+    }
 }
+
+/// [`upper_tail`] at 9: less is 0.
+const TAIL_MIN: f64 = 1.1e-19;
 
 /// ∫_t^∞ of the standard normal density.
 fn upper_tail(t: f64) -> f64 {
-    // 1e-19 and 1−1e-19 beyond.
+    // TAIL_MIN and 1−TAIL_MIN beyond.
     let tail = if t.abs() < 9.0 { normal(t) * mills(t.abs()) } else { 0.0 };
     if t < 0.0 { 1.0 - tail } else { tail }
 }
 
-/// The inverse of [`upper_tail`], by two of Halley's steps from Winitzki's closed form.
+/// The inverse of [`upper_tail`], by its Taylor series to the sixth order about Winitzki's closed form.
 fn upper_quantile(tail: f64) -> f64 {
     const A: f64 = 0.147;
-    let small = tail.min(1.0 - tail).max(1e-300);
+    let small = tail.min(1.0 - tail).max(TAIL_MIN);
     let log = (4.0 * small * (1.0 - small)).ln();
     let b = 2.0 / (PI * A) + 0.5 * log;
-    let mut t = (2.0 * ((b * b - log / A).sqrt() - b)).max(0.0).sqrt();
-    for _ in 0..2 {
-        let newton = mills(t) - small / normal(t);
-        t += newton / (1.0 - 0.5 * t * newton);
-    }
+    let t = (2.0 * ((b * b - log / A).sqrt() - b)).max(0.0).sqrt();
+    let (newton, t2) = (mills(t) - small / normal(t), t * t);
+    let orders = [
+        1.0,
+        t / 2.0,
+        (1.0 + 2.0 * t2) / 6.0,
+        t * (7.0 + 6.0 * t2) / 24.0,
+        (7.0 + t2 * (46.0 + 24.0 * t2)) / 120.0,
+        t * (127.0 + t2 * (326.0 + 120.0 * t2)) / 720.0,
+    ];
+    let t = t + newton * orders.iter().rev().fold(0.0, |sum, c| sum * newton + c);
     if tail > 0.5 { -t } else { t }
 }
 
@@ -648,23 +847,21 @@ fn normal(t: f64) -> f64 {
 /// Mills' ratio, [`upper_tail`] over the density, for t ≥ 0: relative error below 1.1e-9, a Chebyshev fit of
 /// ours in (t−5.5)/(t+5.5).
 fn mills(t: f64) -> f64 {
-    const COEFFICIENTS: [f64; 13] = [
-        1.216_628_600_795_839_2,
-        -0.354_416_760_874_564_2,
-        0.201_980_495_037_284_4,
-        -0.076_723_778_649_123_92,
-        -0.000_361_837_093_861_941_2,
-        0.031_063_572_135_134_21,
-        -0.031_576_655_073_408_545,
-        0.020_246_693_815_111_188,
-        -0.009_193_593_646_842_345,
-        0.002_700_164_756_899_241,
-        -0.000_218_632_163_848_053_3,
-        -0.000_189_788_127_532_382_4,
-        6.151_915_294_398_66e-5,
+    const COEFFICIENTS: [[f64; 2]; 7] = [
+        [1.216_628_600_795_839_2, -0.354_416_760_874_564_2],
+        [0.201_980_495_037_284_4, -0.076_723_778_649_123_92],
+        [-0.000_361_837_093_861_941_2, 0.031_063_572_135_134_21],
+        [-0.031_576_655_073_408_545, 0.020_246_693_815_111_188],
+        [-0.009_193_593_646_842_345, 0.002_700_164_756_899_241],
+        [-0.000_218_632_163_848_053_3, -0.000_189_788_127_532_382_4],
+        [6.151_915_294_398_66e-5, 0.0],
     ];
     let y = (t - 5.5) / (t + 5.5);
-    COEFFICIENTS.iter().rev().fold(0.0, |sum, c| sum * y + c) / (t + 1.4)
+    // Even and odd powers apart: half the latency of Horner's scheme.
+    let y2 = y * y;
+    let [even, odd] =
+        COEFFICIENTS.iter().rev().fold([0.0; 2], |sum, c| [sum[0] * y2 + c[0], sum[1] * y2 + c[1]]);
+    (even + odd * y) / (t + 1.4)
 }
 
 #[cfg(test)]
@@ -693,6 +890,35 @@ mod tests {
         );
         assert!(against_erf < 1e-8 && far < 2e-6 && back < 1e-8);
         assert!(control > 1e-8);
+    }
+
+    #[test]
+    fn draws_follow_their_densities() {
+        // Falls to 0 at an end, in a row to nothing at all.
+        let densities = Densities::new(3, |y| move |x: f64| (1.0 - y) * (0.3 + x * x) * (1.0 - x));
+        let rule = GaussLegendre::new(2);
+        let (mut worst, mut control) = (0f64, f64::MAX);
+        for y in [0.0, 0.4, 0.9] {
+            let row = Row::at(y, 3);
+            // The share below x, exact for what is straight between nodes.
+            let below = |x: f64| -> f64 {
+                let ends: Vec<f64> =
+                    (0..=CELLS).map(|k| (k as f64 / CELLS as f64).min(x)).collect();
+                let piece = |w: &[f64]| rule.integrate(w[0], w[1], |x| densities.density(row, x));
+                ends.windows(2).map(piece).sum()
+            };
+            assert!((below(1.0) - 1.0).abs() < 1e-12);
+            for k in 0..200 {
+                let u = f64::from(k) / 200.0;
+                worst = worst.max((below(densities.sample(row, u)) - u).abs());
+            }
+            let wrong = densities.sample(row, 0.5 * 1.01);
+            control = control.min((below(wrong) - 0.5).abs());
+        }
+        println!("share below a draw: {worst:.1e}; 1 % off {control:.1e}");
+        assert!(worst < 1e-12 && control > 1e-12);
+        let nothing = Row::at(1.0, 3);
+        assert_eq!([densities.density(nothing, 0.3), densities.sample(nothing, 0.3)], [1.0, 0.3]);
     }
 
     #[test]

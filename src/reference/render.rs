@@ -25,7 +25,7 @@ use crate::srbf;
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 
 /// Raise this whenever the same scene would get other samples.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const SAMPLES: &str = "hairlight.samples";
 const SEGMENTS: &str = "hairlight.segments";
 const IDENTITY: &str = "hairlight.identity";

@@ -6,13 +6,16 @@
 //! the offset across the fibre. β is a standard deviation of θ_h, every other width a bandwidth
 //! λ = √2·(standard deviation).
 
+pub mod azimuth_table;
 pub mod azimuthal;
 pub mod dual;
+pub mod fast;
 pub mod fibre;
 pub mod fresnel;
 pub mod gaussian;
 pub mod global;
 pub mod longitudinal;
+pub mod nodes;
 pub mod quadrature;
 pub mod tables;
 pub mod xu;

@@ -95,7 +95,9 @@ pub struct EnvironmentSpec {
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSpec {
     pub method: Method,
-    /// m of the longitudinal quadrature (Xu 2011, §4.2.2).
+    /// Of `fast`, over θ_i.
+    pub nodes: u32,
+    /// Of `xu`: m of the longitudinal quadrature (Xu 2011, §4.2.2).
     pub segments: u32,
     /// Coverage samples a pixel.
     pub samples: u32,
@@ -108,6 +110,8 @@ pub struct RenderSpec {
 choice! {
     /// How the integral of a mode against a light is evaluated.
     Method {
+        /// Gauss nodes, a table over azimuth, and a field of returned light.
+        Fast = "fast",
         /// Xu et al. 2011 as printed, but for its misprints.
         Xu = "xu",
     }
@@ -193,7 +197,8 @@ impl Default for EnvironmentSpec {
 impl Default for RenderSpec {
     fn default() -> Self {
         Self {
-            method: Method::Xu,
+            method: Method::Fast,
+            nodes: 2,
             segments: 4,
             samples: 16,
             scattering: Scattering::Both,

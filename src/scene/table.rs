@@ -296,13 +296,19 @@ pub static FIELDS: &[Field] = &[
         render.method,
         "method",
         Kind::Choice(Method::WORDS),
-        "how a mode is integrated against a light; xu is Xu et al. 2011"
+        "how light is integrated; xu is Xu et al. 2011, the baseline"
+    ),
+    field!(
+        render.nodes,
+        "nodes",
+        Kind::Integer { min: 2.0, max: 4.0 },
+        "nodes over the inclination of fast: error for time"
     ),
     field!(
         render.segments,
         "segments",
         Kind::Integer { min: 2.0, max: 16.0 },
-        "segments of the longitudinal quadrature"
+        "segments over the inclination of xu"
     ),
     field!(
         render.samples,
@@ -320,7 +326,7 @@ pub static FIELDS: &[Field] = &[
         render.energies,
         "energies",
         Kind::Choice(Energies::WORDS),
-        "energies of TT and TRT; taylor is as printed, for absorptions up to 1"
+        "energies of TT and TRT in xu; taylor is as printed, for absorptions up to 1"
     ),
     field!(render.adapter, "adapter", Kind::Text, "auto, cpu, or part of an adapter's name"),
     field!(output.path, "output", Kind::Output(&["png", "exr"]), "image to write",

@@ -40,6 +40,11 @@ const HEAD_BIAS: f32 = 0.03;
 /// and 0.0417 (sintel with its head, san_giuseppe_bridge).
 const MAX_DIRECTIONS: usize = 12;
 
+/// Diffuse reflectance that the head has for returned light: the mean of `stage::HEAD_ALBEDO`.
+const HEAD_ALBEDO: f32 = 0.37;
+/// Directions of [`Occluders::surroundings`].
+const WAYS_OUT: usize = 24;
+
 /// The means over a light's lobe at one point, each in 0…1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reach {
@@ -102,6 +107,20 @@ impl Way {
         let (tau, beyond) = self.depth.tau(shear.apply(p + STEP_OUT * self.omega));
         (open, tau, beyond)
     }
+
+    /// Of light that leaves `p` against the direction: the share that does not come back from the head, and τ
+    /// on the way to the sky or the head.
+    fn out(&self, p: Vec3, albedo: f32) -> (f32, f32) {
+        let q = self.depth.shear.apply(p - STEP_OUT * self.omega);
+        let (tau, beyond) = self.depth.tau(q);
+        match self.shadow.as_ref().and_then(|head| head.below(q)) {
+            Some(surface) => {
+                let (to_head, _) = self.depth.tau([q[0], q[1], surface]);
+                (1.0 - albedo, (to_head - tau).max(0.0))
+            }
+            None => (1.0, beyond),
+        }
+    }
 }
 
 impl Occluders<'_> {
@@ -120,6 +139,26 @@ impl Occluders<'_> {
                 head.as_ref().map(|(v, t, bias)| HeadShadow::new(v, t, &depth.shear, *bias));
             Way { omega, depth, shadow }
         })
+    }
+
+    /// How easily light leaves the hair from each of `points`: the means of e^(−sτ) at s = 1, ¼ and 0 over
+    /// ways out in all directions, packed as [`Reach`]. A way that ends at the head counts as open for what the
+    /// head keeps, 1−`albedo`. `beyond` is 0.
+    pub fn surroundings(&self, points: &[Vec3], albedo: f32) -> Vec<u32> {
+        let even = SrbfLight { direction: DVec3::Y, lambda: 1e4, rgb: [1.0; 3] };
+        let directions = sample_lobe(&even, WAYS_OUT);
+        let mut means = vec![Reach::default(); points.len()];
+        for way in self.ways(&directions) {
+            means.par_iter_mut().zip(points).for_each(|(mean, &p)| {
+                let (share, tau) = way.out(self.volume.to_cells(p), albedo);
+                let weight = share / directions.len() as f32;
+                let quarter = (-0.25 * tau).exp();
+                mean.open += weight;
+                mean.quarter += weight * quarter;
+                mean.direct += weight * quarter.powi(4);
+            });
+        }
+        means.into_iter().map(Reach::pack).collect()
     }
 
     /// One light (world frame): its reach at each of `points`, and the irradiance, linear RGB, that
@@ -160,6 +199,8 @@ impl Occluders<'_> {
 pub struct Transport {
     /// Packed [`Reach`]: `reach[j][i]` is light j at point i.
     pub reach: Vec<Vec<u32>>,
+    /// Of each point: [`Occluders::surroundings`].
+    pub surroundings: Vec<u32>,
     /// Irradiance at the head's vertices, linear RGB; empty without a head.
     pub head_irradiance: Vec<Vec3>,
 }
@@ -185,5 +226,6 @@ pub fn transport(
     for one in irradiance {
         head_irradiance.iter_mut().zip(one).for_each(|(sum, e)| *sum += e);
     }
-    Some(Transport { reach, head_irradiance })
+    let surroundings = occluders.surroundings(points, HEAD_ALBEDO);
+    Some(Transport { reach, surroundings, head_irradiance })
 }

@@ -79,6 +79,18 @@ impl HeadShadow {
         }
     }
 
+    /// Depth towards the light of the head's surface in the column of sheared coordinates `q`, where it lies no
+    /// higher than `q`: what a ray away from the light meets.
+    pub fn below(&self, q: [f32; 3]) -> Option<f32> {
+        let x = (q[0] - self.first[0]) * self.scale;
+        let y = (q[1] - self.first[1]) * self.scale;
+        let [w, h] = self.size;
+        let inside = x >= 0.0 && y >= 0.0 && x < w as f32 && y < h as f32;
+        let depth =
+            if inside { self.depth[y as usize * w + x as usize] } else { f32::NEG_INFINITY };
+        (depth > f32::NEG_INFINITY && depth <= q[2] + self.bias).then_some(depth.min(q[2]))
+    }
+
     /// Visibility (0…1) of the light from sheared coordinates `q`: four comparisons, bilinear.
     pub fn visibility(&self, q: [f32; 3]) -> f32 {
         let x = (q[0] - self.first[0]) * self.scale - 0.5;

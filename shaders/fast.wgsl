@@ -1,0 +1,286 @@
+// The fast method. Twin: src/scattering/fast.rs, which states units, errors and the dual scattering.
+//
+// Way of the data: lobe_of joins a light's lobe over θ_i with M_t, node_place finds its Gauss rule; at each
+// node the inner integral over φ is a place in azimuth_table, and absorption two exponentials.
+
+// How a lobe's integrand leans towards grazing: Taper::MARSCHNER.
+const SLOPE = vec3f(1.7, 1.0, 1.0);
+const DIFFUSIVITY: f32 = 1.3;
+const MEAN_INCLINATION: f32 = 0.5;
+const COMPENSATION_MAX: f32 = 4.0;
+
+// M_t over θ_i.
+struct Lengthwise {
+    centre: f32,
+    lambda: f32,
+    slope: f32,
+}
+
+fn lengthwise(fibre: Fibre, theta_o: f32, t: u32) -> Lengthwise {
+    return Lengthwise(2.0 * fibre.alpha[t] - theta_o, fibre.lambda[t], SLOPE[t]);
+}
+
+// Loops that run once: see resolve.wgsl.
+
+// A node of ∫G M_t cos²θ_i/cos²θ_d … dθ_i.
+struct Sight {
+    cos_i: f32,
+    cos_d: f32,
+    weight: f32,    // M_t, the projection and the light's e^exponent over θ_i included
+}
+
+fn sight(theta_o: f32, m: Lengthwise, node: Node, exponent: f32) -> Sight {
+    let cos_i = max(cos_near(node.theta), 0.0);
+    let cos_d = max(cos_near(0.5 * (theta_o - node.theta)), 1e-6);
+    let ratio = cos_i / cos_d;
+    let x = (node.theta - m.centre) / m.lambda;
+    let weight = node.weight * exp(exponent - x * x) / (SQRT_PI * m.lambda) * min(ratio * ratio, 4.0);
+    return Sight(cos_i, cos_d, weight);
+}
+
+// η among the layers of the table; a round fibre has one.
+struct EtaPlace {
+    eta: f32,
+    base: u32,
+    f: f32,
+}
+
+fn eta_place(fibre: Fibre, eta: f32) -> EtaPlace {
+    if !ECCENTRIC || fibre.eta_layers < 2u {
+        return EtaPlace(eta, 0u, 0.0);
+    }
+    let layers = fibre.eta_layers;
+    let row = row_of((eta - fibre.eta_low) * fibre.eta_per_layer / f32(layers - 1u), layers);
+    return EtaPlace(eta, row.first * AZIMUTH_SIZE, row.f);
+}
+
+// η, or of an eccentric fibre's TRT the mean of η*(φ_h).
+fn mean_eta(fibre: Fibre, t: u32) -> EtaPlace {
+    return eta_place(fibre, select(fibre.eta, max(fibre.eta_star.x, 1.0), t == 2u));
+}
+
+// An SRBF seen from a strand.
+struct Lobewise {
+    theta: f32,
+    lambda: f32,
+    kappa: f32,         // 2 cosθ_j/λ_j²
+    cos_sum: f32,
+    columns: AzimuthColumns,
+}
+
+// ln G_j over θ_i.
+fn light_exponent(light: Lobewise, theta_i: f32) -> f32 {
+    let s = 2.0 * sin_near(0.5 * (theta_i - light.theta)) / light.lambda;
+    return -s * s;
+}
+
+// ∫G_j S_t cosθ_i dω, Eq 11, without energy compensation. φ = φ_o−φ_j in [−π, π]; cos_sum = cos(φ_o+φ_j).
+fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum: f32, lambda_j: f32) -> Modes {
+    let kappa = concentration(lambda_j) * max(cos(theta_j), 0.0);
+    let light = Lobewise(theta_j, lambda_j, kappa, cos_sum, azimuth_columns(phi));
+    return Modes(
+        vec3f(single_r(fibre, theta_o, light)),
+        single_inside(fibre, theta_o, light, 1u, AZIMUTH_TT, light.columns.tt, 0.0),
+        single_inside(fibre, theta_o, light, 2u, AZIMUTH_TRT, light.columns.trt, fibre.blur),
+    );
+}
+
+fn single_r(fibre: Fibre, theta_o: f32, light: Lobewise) -> f32 {
+    let m = lengthwise(fibre, theta_o, 0u);
+    let lobe = lobe_of(theta_o, light.theta, light.lambda, m.centre, m.lambda, m.slope);
+    var sum = 0.0;
+    for (var lit = lobe_share(lobe) > 0.0; lit; lit = false) {
+        let place = node_place(lobe);
+        let eta = eta_place(fibre, fibre.eta);
+        for (var k = 0u; k < fibre.nodes; k++) {
+            let node = node_at(place, k);
+            let at = sight(theta_o, m, node, light_exponent(light, node.theta));
+            let kappa = light.kappa * at.cos_i;
+            let layer = azimuth_layer(kappa, 0.0);
+            var p = azimuth_r(eta.base, at.cos_d, light.columns.r, layer);
+            if ECCENTRIC {
+                p = mix(p, azimuth_r(eta.base + AZIMUTH_SIZE, at.cos_d, light.columns.r, layer), eta.f);
+            }
+            sum += at.weight * circular_integral(kappa) * p;
+        }
+    }
+    return lobe_share(lobe) * sum;
+}
+
+// A mode of t crossings, 1 or 2.
+fn single_inside(fibre: Fibre, theta_o: f32, light: Lobewise, t: u32, grid: AzimuthGrid, column: Row, blur: f32) -> vec3f {
+    let m = lengthwise(fibre, theta_o, t);
+    let lobe = lobe_of(theta_o, light.theta, light.lambda, m.centre, m.lambda, m.slope);
+    var sum = vec3f();
+    for (var lit = lobe_share(lobe) > 0.0; lit; lit = false) {
+        let place = node_place(lobe);
+        var eta = eta_place(fibre, fibre.eta);
+        for (var k = 0u; k < fibre.nodes; k++) {
+            let node = node_at(place, k);
+            let at = sight(theta_o, m, node, light_exponent(light, node.theta));
+            let kappa = light.kappa * at.cos_i;
+            let layer = azimuth_layer(kappa, blur);
+            if ECCENTRIC && t == 2u {
+                // η̄* of Eq 24–26.
+                let mean_cos = (1.0 - mean_cosine_deficit(kappa)) * light.cos_sum;
+                eta = eta_place(fibre, max(fibre.eta_star.x + fibre.eta_star.y * mean_cos, 1.0));
+            }
+            var weights = azimuth(grid, eta.base, at.cos_d, column, layer);
+            if ECCENTRIC {
+                weights = mix(weights, azimuth(grid, eta.base + AZIMUTH_SIZE, at.cos_d, column, layer), eta.f);
+            }
+            let p = transmitted(weights, f32(t), azimuth_absorption(eta.eta, at.cos_d), fibre.sigma_a);
+            sum += at.weight * circular_integral(kappa) * p;
+        }
+    }
+    return lobe_share(lobe) * sum;
+}
+
+// 𝓜_t^G, Eq 27 and 28, without energy compensation, per unit of forward-scattered radiance integrated over
+// direction. σ_f is a bandwidth of θ.
+fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f: f32) -> Modes {
+    let v = 0.5 * sigma_f * sigma_f;
+    // v(1 − e^{−2/v}) is 2 − 2/v + … for a wide spread, where it cancels.
+    let normaliser = select(v * (1.0 - exp(-2.0 / v)), 2.0 - (2.0 - 4.0 / (3.0 * v)) / v, v > 40.0);
+    let spread = Spread(theta_j, sigma_f, cos_near(theta_j) / v, 1.0 / (TWO_PI * normaliser));
+    let column = row_of(abs(phi) / PI, AZIMUTH_GLOBAL_COLUMNS);
+    return Modes(
+        global_mode(fibre, theta_o, spread, column, 0u),
+        global_mode(fibre, theta_o, spread, column, 1u),
+        global_mode(fibre, theta_o, spread, column, 2u),
+    );
+}
+
+// ψ_f over θ_i: `spread` of the twin.
+struct Spread {
+    theta: f32,
+    sigma: f32,
+    kappa: f32,     // cosθ_j/v
+    scale: f32,
+}
+
+fn global_mode(fibre: Fibre, theta_o: f32, spread: Spread, column: Row, t: u32) -> vec3f {
+    let m = lengthwise(fibre, theta_o, t);
+    let lobe = lobe_of(theta_o, spread.theta, spread.sigma, m.centre, m.lambda, m.slope);
+    var sum = vec3f();
+    for (var lit = lobe_share(lobe) > 0.0; lit; lit = false) {
+        let place = node_place(lobe);
+        let eta = mean_eta(fibre, t);
+        for (var k = 0u; k < fibre.nodes; k++) {
+            let node = node_at(place, k);
+            let s = 2.0 * sin_near(0.5 * (node.theta - spread.theta)) / spread.sigma;
+            let at = sight(theta_o, m, node, -s * s);
+            let weight = at.weight * spread.scale * circular_integral(max(spread.kappa * at.cos_i, 0.0));
+            var weights = azimuth_global(eta.base, t, at.cos_d, column);
+            if ECCENTRIC {
+                weights = mix(weights, azimuth_global(eta.base + AZIMUTH_SIZE, t, at.cos_d, column), eta.f);
+            }
+            if t == 0u {
+                sum += weight * weights.x;
+            } else {
+                sum += weight * transmitted(weights, f32(t), azimuth_absorption(eta.eta, at.cos_d), fibre.sigma_a);
+            }
+        }
+    }
+    return lobe_share(lobe) * sum;
+}
+
+// Four weights of E_t, or of its forward share.
+fn energy_weights(eta: EtaPlace, entry: u32, cos_theta: f32) -> vec4f {
+    let weights = azimuth_energy(eta.base, entry, cos_theta);
+    if ECCENTRIC {
+        return mix(weights, azimuth_energy(eta.base + AZIMUTH_SIZE, entry, cos_theta), eta.f);
+    }
+    return weights;
+}
+
+// C_t(θ_o) of R, TT, TRT.
+fn energy_compensation(fibre: Fibre, theta_o: f32) -> vec3f {
+    var energy = vec3f();
+    for (var t = 0u; t < 3u; t++) {
+        let eta = mean_eta(fibre, t);
+        let m = lengthwise(fibre, theta_o, t);
+        let place = node_place(lobe_of(theta_o, 0.0, 1e3, m.centre, m.lambda, m.slope));
+        var kept = 0.0;
+        for (var k = 0u; k < fibre.nodes; k++) {
+            let at = sight(theta_o, m, node_at(place, k), 0.0);
+            kept += at.weight * clear_energy(eta, t, at.cos_d);
+        }
+        energy[t] = min(clear_energy(eta, t, cos(theta_o)) / max(kept, 1e-30), COMPENSATION_MAX);
+    }
+    return energy;
+}
+
+fn clear_energy(eta: EtaPlace, t: u32, cos_theta: f32) -> f32 {
+    return max(dot(energy_weights(eta, 2u * t, max(cos_theta, 0.0)), vec4f(1.0)), 1e-9);
+}
+
+// Shares of the light along an inclination that a strand scatters.
+struct Shares {
+    a_f: vec3f,         // into the half space that it heads for
+    a_b: vec3f,         // back
+    beta_f2: vec3f,     // what one forward crossing adds to σ_f², a bandwidth² of θ
+}
+
+fn shares(fibre: Fibre, theta: f32) -> Shares {
+    let cos_theta = max(cos(theta), 0.0);
+    let eta = eta_place(fibre, fibre.eta);
+    let absorption = azimuth_absorption(fibre.eta, cos_theta);
+    // One crossing; of two all is squared.
+    let first = exp(-absorption.x * fibre.sigma_a);
+    let r = exp(-absorption.y * fibre.sigma_a);
+    let reflected = vec2f(dot(energy_weights(eta, 0u, cos_theta), vec4f(1.0)),
+        dot(energy_weights(eta, 1u, cos_theta), vec4f(1.0)));
+    let forward_tt = first * absorbed(energy_weights(eta, 3u, cos_theta), r);
+    let forward_trt = first * first * absorbed(energy_weights(eta, 5u, cos_theta), r * r);
+    let whole = vec3f(reflected.x) + first * absorbed(energy_weights(eta, 2u, cos_theta), r)
+        + first * first * absorbed(energy_weights(eta, 4u, cos_theta), r * r);
+    let a_f = max(vec3f(reflected.y) + forward_tt + forward_trt, vec3f());
+    // (2√2 β)² = λ_M².
+    let square = fibre.lambda * fibre.lambda;
+    let beta_f2 = reflected.y * square.x + forward_tt * square.y + forward_trt * square.z;
+    return Shares(a_f, max(whole - a_f, vec3f()), beta_f2 / max(a_f, vec3f(1e-9)));
+}
+
+struct Strand {
+    theta_o: f32,
+    energy: vec3f,      // energy compensation of R, TT, TRT
+    field: vec3f,       // by which the field is multiplied
+}
+
+fn strand_at(fibre: Fibre, theta_o: f32, around: Depth) -> Strand {
+    return Strand(theta_o, energy_compensation(fibre, theta_o), field_gain(fibre, theta_o, around) / (4.0 * PI));
+}
+
+// J to radiance towards the eye.
+fn field_gain(fibre: Fibre, theta_o: f32, around: Depth) -> vec3f {
+    let mean = shares(fibre, MEAN_INCLINATION);
+    let here = shares(fibre, theta_o);
+    let s = max(1.0 - mean.a_f, vec3f(1e-6));
+    let kept = 1.0 - through(around, min(DIFFUSIVITY * s, vec3f(1.0)));
+    let back = min(mean.a_b / (DIFFUSIVITY * s), vec3f(1.0));
+    return (here.a_f + here.a_b) * kept * back / max(1.0 - back * kept, vec3f(1e-6));
+}
+
+fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> Lit {
+    let a = shares(fibre, arrival.theta_j);
+    let arriving = through(arrival.depth, 1.0 - a.a_f);
+    let forward = max(arriving - arrival.direct, vec3f());
+
+    var scattered = vec3f();
+    for (var lit = (parts & SINGLE) != 0u && arrival.direct >= arrival.least; lit; lit = false) {
+        let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
+        scattered += arrival.direct * compensated(strand.energy, m);
+    }
+    for (var lit = (parts & GLOBAL) != 0u && any(forward >= vec3f(arrival.least)); lit; lit = false) {
+        let spread2 = dot(scatterings(arrival.depth, a.a_f) * a.beta_f2, vec3f(1.0 / 3.0));
+        let sigma_f = sqrt(arrival.lambda * arrival.lambda + spread2);
+        let m = global_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);
+        scattered += arrival.energy * forward * compensated(strand.energy, m);
+    }
+    return Lit(scattered, arrival.energy * arriving);
+}
+
+fn field_scattering(strand: Strand, field: vec3f) -> vec3f {
+    return strand.field * field;
+}

@@ -1,0 +1,62 @@
+//! What a method binds in group 0: the fibre, and two tables.
+
+use crate::scattering::{azimuthal::Energy, fast, fibre::Fibre, tables, xu};
+use crate::scene::{Energies, Method, RenderSpec};
+
+use super::uniforms::FibreUniform;
+
+/// Group 0 of `shaders::scattering_library`.
+pub struct MethodData {
+    pub method: Method,
+    pub fibre: FibreUniform,
+    /// At bindings 1 and 2.
+    pub tables: [Vec<u8>; 2],
+}
+
+impl MethodData {
+    /// The method that a scene asks for.
+    pub fn new(fibre: &Fibre, render: &RenderSpec) -> Self {
+        match render.method {
+            Method::Fast => Self::fast(fibre, render.nodes),
+            Method::Xu => Self::xu(fibre, render.segments, render.energies),
+        }
+    }
+
+    /// `nodes`: 2 to 4 over θ_i.
+    pub fn fast(fibre: &Fibre, nodes: u32) -> Self {
+        let tables = fast::Tables::new(fibre, nodes as usize);
+        Self {
+            method: Method::Fast,
+            fibre: FibreUniform::new(fibre, nodes),
+            tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
+        }
+    }
+
+    /// `segments`: m ≥ 2 of Xu 2011 §4.2.2.
+    pub fn xu(fibre: &Fibre, segments: u32, energies: Energies) -> Self {
+        let tables = tables::build();
+        let energy = match energies {
+            Energies::Quadrature => Energy::Quadrature,
+            Energies::Taylor => Energy::Taylor(&tables.absorption),
+        };
+        Self {
+            method: Method::Xu,
+            fibre: FibreUniform::new(fibre, segments),
+            tables: [
+                bytes(&tables.to_gpu()),
+                bytes(&xu::fibre_table(fibre, segments, energy, &tables)),
+            ],
+        }
+    }
+}
+
+impl MethodData {
+    /// What the shader is specialised by: see shaders/fibre.wgsl.
+    pub fn constants(&self) -> [(&'static str, f64); 1] {
+        [("ECCENTRIC", f64::from(self.fibre.eta_layers > 1))]
+    }
+}
+
+fn bytes<T: bytemuck::NoUninit>(table: &[T]) -> Vec<u8> {
+    bytemuck::cast_slice(table).to_vec()
+}
