@@ -8,6 +8,7 @@ mod fast;
 mod frames;
 mod groom;
 mod hair;
+mod hard_cases;
 mod measure;
 mod nodes;
 mod probe;

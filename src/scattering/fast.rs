@@ -163,6 +163,8 @@ impl<'a> Fast<'a> {
                 shares.beta_f2[c] += forward * 8.0 * self.fibre.beta[t].powi(2);
             }
         }
+        // At η = 1 nothing is scattered back but 16 bits' rounding.
+        shares.a_b = shares.a_b.map(|a| a.max(0.0));
         shares.beta_f2 = [0, 1, 2].map(|c| shares.beta_f2[c] / shares.a_f[c].max(1e-9));
         shares
     }
