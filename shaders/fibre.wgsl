@@ -13,6 +13,7 @@ struct Fibre {
     eta_low: f32,         // η̄* of a table's first layer
     eta_per_layer: f32,   // layers per unit of η̄*, 0 for a round fibre
     eta_layers: u32,
+    w_c: f32,             // bandwidth of TRT's own blur
 }
 
 // What a scene lacks costs nothing: set when the pipeline is made.

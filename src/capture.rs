@@ -19,7 +19,6 @@ use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
     TransportFigures,
 };
-use crate::transport::volume::Volume;
 use crate::transport::{self, Occluders};
 
 /// Pairs of a point and a light that `--verify` casts rays for.
@@ -73,7 +72,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("visibility")?;
 
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let volume = density(&stage);
+    let volume = stage.density();
     let occluders = Occluders { volume: &volume, head: head.as_ref() };
     let bar = clock.bar("light transport");
     let places: Vec<Vec3> = points.iter().map(|&i| hair.points[i as usize]).collect();
@@ -224,20 +223,6 @@ fn numbered(path: &Path, index: u32, count: u32) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}.{index:0digits$}.{extension}"))
-}
-
-/// The density volume over the hair, strays beyond the fitted radius left out.
-fn density(stage: &Geometry) -> Volume {
-    let Geometry { hair, diameters, center, radius, .. } = stage;
-    let (low, high) = hair.bounds();
-    let (low, high) = (low.max(*center - *radius), high.min(*center + *radius));
-    let segments = hair.strands().flat_map(|range| {
-        range
-            .clone()
-            .skip(1)
-            .map(|i| (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i])))
-    });
-    Volume::build(segments, low, high, transport::RESOLUTION)
 }
 
 fn background(scene: &Scene) -> Background {

@@ -12,6 +12,7 @@ use crate::image::luminance;
 use crate::progress::Clock;
 use crate::scene::{Camera, Lens, Scene};
 use crate::srbf::SrbfLight;
+use crate::transport::{self, volume::Volume};
 
 /// Diffuse reflectance of the head: warm clay.
 pub const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
@@ -65,6 +66,19 @@ impl Geometry {
     pub fn camera(&self, scene: &Scene) -> Result<Camera> {
         let [width, height] = scene.output.size.map(f64::from);
         scene.camera.resolve(self.center, self.radius, width / height)
+    }
+
+    /// The density volume over the hair, strays beyond the fitted radius left out.
+    pub fn density(&self) -> Volume {
+        let Geometry { hair, diameters, center, radius, .. } = self;
+        let (low, high) = hair.bounds();
+        let (low, high) = (low.max(*center - *radius), high.min(*center + *radius));
+        let segments = hair.strands().flat_map(|range| {
+            range.clone().skip(1).map(|i| {
+                (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i]))
+            })
+        });
+        Volume::build(segments, low, high, transport::RESOLUTION)
     }
 
     /// Straight pieces that each segment is drawn in for this view.

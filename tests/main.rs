@@ -1,6 +1,7 @@
 //! One binary, a module per room: it links once.
 
 mod azimuth_table;
+mod bench;
 mod chi_square;
 mod cli;
 mod environment;

@@ -401,6 +401,9 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
         ]
     );
     let shade = || shaders::shade(Method::Fast);
+    for method in [Method::Fast, Method::Xu] {
+        validated(&shaders::with_exact_single(&shaders::shade(method)));
+    }
     same!(shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, pad]);
     same!(shade(), "Shading", ShadingUniform, [eye, parts, first_light, lights, slots, pad]);
     for (shader, name) in [(shaders::mark(), "Needed"), (shade(), "NeededPoints")] {
@@ -435,6 +438,7 @@ fn layouts_and_constants_are_those_of_rust() {
         ("eta_low", offset_of!(FibreUniform, eta_low)),
         ("eta_per_layer", offset_of!(FibreUniform, eta_per_layer)),
         ("eta_layers", offset_of!(FibreUniform, eta_layers)),
+        ("w_c", offset_of!(FibreUniform, w_c)),
     ];
     assert_eq!(offsets, expected);
     assert_eq!(*span as usize, size_of::<FibreUniform>());

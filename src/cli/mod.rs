@@ -5,6 +5,7 @@
 //! without an adapter; 130 cancelled by Ctrl-C. An error is one line on stderr (usage errors are
 //! clap's), and files are written whole or not at all.
 
+mod bench;
 mod capture;
 mod compare;
 mod figures;
@@ -39,12 +40,13 @@ struct Subcommand {
     run: fn(&mut Command, &ArgMatches) -> Result<()>,
 }
 
-const SUBCOMMANDS: [Subcommand; 7] = [
+const SUBCOMMANDS: [Subcommand; 8] = [
     Subcommand { command: capture::command, run: capture::run },
     Subcommand { command: reference::command, run: reference::run },
     Subcommand { command: compare::command, run: compare::run },
     Subcommand { command: probe::command, run: probe::run },
     Subcommand { command: figures::command, run: figures::run },
+    Subcommand { command: bench::command, run: bench::run },
     Subcommand { command: fit::command, run: fit::run },
     Subcommand { command: info::command, run: info::run },
 ];

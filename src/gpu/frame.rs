@@ -134,9 +134,8 @@ impl Renderer {
         let indices = RibbonIndices::new(device, segments.len() as u32, 1);
         let raster = module(device, "raster", &shaders::raster());
         let mark = module(device, "mark", &shaders::mark());
-        let shade = module(device, "shade", &shaders::shade(method.method));
         let resolve = module(device, "resolve", &shaders::resolve());
-        let shade_pipeline = compute_pipeline(device, &shade, "shade", &method.constants());
+        let shade_pipeline = shade_pipeline(device, method);
         Ok(Renderer {
             points,
             segment_count: segments.len() as u32,
@@ -244,6 +243,13 @@ impl Renderer {
                 reach: storage(device, "reach", bytemuck::cast_slice(&chunk.concat())),
             })
             .collect();
+    }
+
+    /// Sets the method, its fibre and tables; geometry and lights stay.
+    pub fn set_method(&mut self, method: &MethodData) {
+        let device = &self.gpu.device;
+        self.shade_pipeline = shade_pipeline(device, method);
+        self.scattering = scattering_group(device, &self.shade_pipeline, method);
     }
 
     /// Sets the radiance of the head's vertices.
@@ -639,6 +645,12 @@ fn jitter(pass: u32, sampling: Sampling) -> Vec2 {
     let n = f64::from(pass) + 0.5;
     let at = |a: f64| ((n * a).fract() - 0.5) as f32 / sampling.grid as f32;
     Vec2::new(at(0.754_877_666_246_693), at(0.569_840_290_998_053))
+}
+
+fn shade_pipeline(device: &wgpu::Device, method: &MethodData) -> wgpu::ComputePipeline {
+    let source = method.specialised(shaders::shade(method.method));
+    let shade = module(device, "shade", &source);
+    compute_pipeline(device, &shade, "shade", &method.constants())
 }
 
 fn scattering_group(

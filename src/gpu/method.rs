@@ -1,8 +1,15 @@
 //! What a method binds in group 0: the fibre, and two tables.
 
-use crate::scattering::{azimuthal::Energy, fast, fibre::Fibre, tables, xu};
+use crate::scattering::{
+    azimuthal::Energy,
+    fast,
+    fibre::Fibre,
+    tables::{self, Tables},
+    xu,
+};
 use crate::scene::{Energies, Method, RenderSpec};
 
+use super::shaders;
 use super::uniforms::FibreUniform;
 
 /// Group 0 of `shaders::scattering_library`.
@@ -11,6 +18,8 @@ pub struct MethodData {
     pub fibre: FibreUniform,
     /// At bindings 1 and 2.
     pub tables: [Vec<u8>; 2],
+    /// Single scattering by dense quadrature in the method's place, for judging the rest; for round fibres.
+    pub exact_single: bool,
 }
 
 impl MethodData {
@@ -29,12 +38,17 @@ impl MethodData {
             method: Method::Fast,
             fibre: FibreUniform::new(fibre, nodes),
             tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
+            exact_single: false,
         }
     }
 
     /// `segments`: m ≥ 2 of Xu 2011 §4.2.2.
     pub fn xu(fibre: &Fibre, segments: u32, energies: Energies) -> Self {
-        let tables = tables::build();
+        Self::xu_from(fibre, segments, energies, &tables::build())
+    }
+
+    /// [`Self::xu`] from tables that are there.
+    pub fn xu_from(fibre: &Fibre, segments: u32, energies: Energies, tables: &Tables) -> Self {
         let energy = match energies {
             Energies::Quadrature => Energy::Quadrature,
             Energies::Taylor => Energy::Taylor(&tables.absorption),
@@ -44,13 +58,19 @@ impl MethodData {
             fibre: FibreUniform::new(fibre, segments),
             tables: [
                 bytes(&tables.to_gpu()),
-                bytes(&xu::fibre_table(fibre, segments, energy, &tables)),
+                bytes(&xu::fibre_table(fibre, segments, energy, tables)),
             ],
+            exact_single: false,
         }
     }
 }
 
 impl MethodData {
+    /// `shader`, put together for this method, as it is to be compiled.
+    pub fn specialised(&self, shader: String) -> String {
+        if self.exact_single { shaders::with_exact_single(&shader) } else { shader }
+    }
+
     /// What the shader is specialised by: see shaders/fibre.wgsl.
     pub fn constants(&self) -> [(&'static str, f64); 1] {
         [("ECCENTRIC", f64::from(self.fibre.eta_layers > 1))]

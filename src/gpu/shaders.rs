@@ -58,6 +58,13 @@ pub fn shade(method: Method) -> String {
     [&scattering_library(method), include_str!("../../shaders/shade.wgsl")].join("\n")
 }
 
+/// The shader with `single_scattering` by dense quadrature (shaders/exact.wgsl), for judging the rest of a method.
+pub fn with_exact_single(shader: &str) -> String {
+    // The method's own stays under another name.
+    let own = shader.replace("fn single_scattering(", "fn method_single_scattering(");
+    [&own, include_str!("../../shaders/exact.wgsl")].join("\n")
+}
+
 /// Entry points `resolve`, `backdrop`.
 pub fn resolve() -> String {
     [VIEW, include_str!("../../shaders/resolve.wgsl")].join("\n")

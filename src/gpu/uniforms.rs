@@ -23,7 +23,8 @@ pub struct FibreUniform {
     pub eta_low: f32,
     pub eta_per_layer: f32,
     pub eta_layers: u32,
-    _pad: [u32; 3],
+    pub w_c: f32,
+    _pad: [u32; 2],
 }
 
 impl FibreUniform {
@@ -41,7 +42,8 @@ impl FibreUniform {
             eta_low: layers.low as f32,
             eta_per_layer: layers.per_eta() as f32,
             eta_layers: layers.count as u32,
-            _pad: [0; 3],
+            w_c: fibre.w_c as f32,
+            _pad: [0; 2],
         }
     }
 }

@@ -1,5 +1,6 @@
-//! Judging: error metrics between frames, and plots of what was measured.
+//! Judging: error metrics between frames, speed against error, and plots of what was measured.
 
+pub mod bench;
 pub mod compare;
 pub mod figures;
 pub mod plot;

@@ -172,17 +172,65 @@ pub struct Swatches {
     pub gap: f64,
 }
 
+/// One of the parts that bars are stacked from.
+#[derive(Clone, Debug)]
+pub struct Part {
+    pub name: String,
+    pub colour: Colour,
+    /// ≥ 0, one a bar.
+    pub values: Vec<f64>,
+}
+
+/// Bars that lie, a row each, their parts end to end.
+#[derive(Clone, Debug)]
+pub struct Bars {
+    pub title: String,
+    pub x: Axis,
+    /// Their names, from the top.
+    pub bars: Vec<String>,
+    pub parts: Vec<Part>,
+}
+
+impl Bars {
+    /// Where each part of a bar begins and ends.
+    pub fn spans(&self, bar: usize) -> Vec<[f64; 2]> {
+        let ends = self.parts.iter().scan(0.0, |end, part| {
+            let begin = *end;
+            *end += part.values[bar];
+            Some([begin, *end])
+        });
+        ends.collect()
+    }
+
+    /// The length of the longest bar.
+    pub fn most(&self) -> f64 {
+        let end = |bar| self.spans(bar).last().map_or(0.0, |span| span[1]);
+        (0..self.bars.len()).map(end).fold(0.0, f64::max)
+    }
+}
+
 /// A figure: panels of one kind, beside each other in `per_row`s.
 #[derive(Clone, Debug)]
 pub enum Plot {
-    Curves { panels: Vec<Curves>, per_row: usize },
-    Polar { panels: Vec<Polar> },
-    Swatches { panels: Vec<Swatches> },
+    Curves {
+        panels: Vec<Curves>,
+        per_row: usize,
+    },
+    Polar {
+        panels: Vec<Polar>,
+    },
+    Swatches {
+        panels: Vec<Swatches>,
+    },
+    /// One below the other.
+    Bars {
+        panels: Vec<Bars>,
+    },
 }
 
 impl Plot {
-    /// The numbers: `panel,series,x,y` (angle in radians and radius where polar), or
-    /// `panel,row,column,r,g,b` in linear RGB.
+    /// The numbers: `panel,series,x,y` (angle in radians and radius where polar), `panel,row,column,r,g,b`
+    /// in linear RGB, or `panel,bar,part,value`.
     pub fn csv(&self) -> Result<Vec<u8>> {
         let mut csv = csv::Writer::from_writer(Vec::new());
         let number = |v: f64| format!("{v:.6e}");
@@ -192,6 +240,18 @@ impl Plot {
             }
             Plot::Polar { panels } => {
                 panels.iter().map(|p| (p.title.as_str(), p.series.as_slice())).collect()
+            }
+            Plot::Bars { panels } => {
+                csv.write_record(["panel", "bar", "part", "value"])?;
+                for panel in panels {
+                    for (k, bar) in panel.bars.iter().enumerate() {
+                        for part in &panel.parts {
+                            let value = number(part.values[k]);
+                            csv.write_record([&panel.title, bar, &part.name, &value])?;
+                        }
+                    }
+                }
+                return Ok(csv.into_inner()?);
             }
             Plot::Swatches { panels } => {
                 csv.write_record(["panel", "row", "column", "r", "g", "b"])?;

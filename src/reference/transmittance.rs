@@ -20,6 +20,10 @@ const RAYS: usize = 1024;
 /// A ray that has crossed so many fibres counts as lost: 0.9^256 is 2e-12.
 const CROSSINGS_MAX: usize = 256;
 
+/// 0.75^n and 0.5^n are below 1e-3, a twentieth of what a ray's own noise is.
+const QUARTER_FAINT: i32 = 24;
+const HALF_FAINT: i32 = 10;
+
 /// The real strands and head of a stage.
 pub struct RealStrands<'a> {
     stage: &'a Geometry,
@@ -75,6 +79,42 @@ impl<'a> RealStrands<'a> {
         let rays = self.rays(own, light, rays);
         let open = |ray: &&StrandRay| !self.strands.occluded(ray) && !self.meets_head(ray);
         rays.iter().filter(open).count() as f64 / rays.len() as f64
+    }
+
+    /// What [`crate::transport`] finds in its volume, here of the real strands: with n the fibres that a ray
+    /// crosses, e^{−sτ} becomes (1−s)^n, of the same mean where crossings are Poisson.
+    pub fn reach(&self, own: usize, light: &SrbfLight, rays: usize) -> Reach {
+        let toward = self.rays(own, light, rays);
+        let mut reach = Reach::default();
+        for ray in toward.iter().filter(|ray| !self.meets_head(ray)) {
+            let crossings = self.crossings(ray, QUARTER_FAINT);
+            reach.open += 1.0;
+            reach.quarter += 0.75f32.powi(crossings);
+            reach.direct += f32::from(u8::from(crossings == 0));
+        }
+        let away = SrbfLight { direction: -light.direction, ..*light };
+        for ray in self.rays(own, &away, rays) {
+            reach.beyond += 0.5f32.powi(self.crossings(&ray, HALF_FAINT));
+        }
+        let share = |sum: f32| sum / rays as f32;
+        Reach {
+            direct: share(reach.direct),
+            quarter: share(reach.quarter),
+            open: share(reach.open),
+            beyond: share(reach.beyond),
+        }
+    }
+
+    /// Fibres that a ray crosses, counted up to `most`.
+    fn crossings(&self, ray: &StrandRay, most: i32) -> i32 {
+        let mut ray = *ray;
+        for count in 0..most {
+            match self.strands.closest(&ray) {
+                Some(id) => ray = ray.past(&self.strands.fibre_point(id, &ray)),
+                None => return count,
+            }
+        }
+        most
     }
 
     /// T_f of `light` at strand point `own`, RGB, for fibres of forward share `a_f`(θ), θ the inclination of the

@@ -196,6 +196,7 @@ impl Occluders<'_> {
 }
 
 /// What all lights bring.
+#[derive(Clone)]
 pub struct Transport {
     /// Packed [`Reach`]: `reach[j][i]` is light j at point i.
     pub reach: Vec<Vec<u32>>,

@@ -15,7 +15,7 @@ const PNG_SCALE: f32 = 1.25;
 
 impl Plot {
     /// The PNG of this plot's `svg`, [`PNG_SCALE`] times as large. Curves make do with 64 colours, which
-    /// saves half of the bytes and more; swatches keep their own.
+    /// saves half of the bytes and more; swatches and bars keep their own.
     pub fn png(&self, svg: &str) -> Result<Vec<u8>> {
         static FONTS: LazyLock<Arc<usvg::fontdb::Database>> = LazyLock::new(|| {
             let mut fonts = usvg::fontdb::Database::new();
@@ -38,7 +38,7 @@ impl Plot {
         let pixels: Vec<Colour> =
             canvas.pixels().iter().map(|p| [p.red(), p.green(), p.blue()]).collect();
         let palette = match self {
-            Plot::Swatches { .. } => None,
+            Plot::Swatches { .. } | Plot::Bars { .. } => None,
             _ => Some(commonest(&pixels, 64)),
         };
         png(&pixels, width, height, palette)

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::fmt::Write;
 
-use super::{Colour, Curves, Plot, Polar, Series, Stroke, Swatches, minus};
+use super::{Bars, Colour, Curves, Plot, Polar, Series, Stroke, Swatches, minus};
 use crate::image::srgb8;
 
 /// Width of every plot, px: what a README shows without scaling.
@@ -44,6 +44,11 @@ impl Plot {
             Plot::Swatches { panels } => {
                 for panel in panels {
                     bottom = svg.swatches(panel, bottom);
+                }
+            }
+            Plot::Bars { panels } => {
+                for panel in panels {
+                    bottom = svg.bars(panel, bottom);
                 }
             }
         }
@@ -290,6 +295,41 @@ impl Svg {
         }
         self.text(&panel.x_label, [0.5 * (left + right), y + 39.0], TEXT_SIZE, "middle");
         y + 58.0
+    }
+
+    /// Returns where the panel ends.
+    fn bars(&mut self, panel: &Bars, top: f64) -> f64 {
+        /// Height of a bar and of its row, px.
+        const BAR: [f64; 2] = [20.0, 30.0];
+        let names = panel.bars.iter().map(|b| b.chars().count()).max().unwrap_or(0) as f64;
+        let (left, right) = (24.0 + LETTER * TEXT_SIZE * names, WIDTH - 24.0);
+        // The legend is that of lines.
+        let legend: Vec<Series> =
+            panel.parts.iter().map(|p| Series::new(&p.name, p.colour, Vec::new())).collect();
+        let top = top + self.header(&panel.title, &legend, [24.0, top], right - 24.0) + 14.0;
+        let bottom = top + BAR[1] * panel.bars.len() as f64;
+        let at = |x: f64| left + panel.x.place(x) * (right - left);
+        for (value, name) in &panel.x.ticks {
+            self.line([at(*value), top], [at(*value), bottom], GRID);
+            self.text(name, [at(*value), bottom + 19.0], TEXT_SIZE, "middle");
+        }
+        for (k, name) in panel.bars.iter().enumerate() {
+            let y = top + BAR[1] * k as f64 + 0.5 * (BAR[1] - BAR[0]);
+            self.text(name, [left - 10.0, y + 0.5 * BAR[0] + 0.35 * TEXT_SIZE], TEXT_SIZE, "end");
+            for ([from, to], part) in panel.spans(k).into_iter().zip(&panel.parts) {
+                _ = writeln!(
+                    self.0,
+                    "<rect x=\"{:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{}\"/>",
+                    at(from),
+                    at(to) - at(from),
+                    BAR[0],
+                    hex(part.colour)
+                );
+            }
+        }
+        self.line([left, top], [left, bottom], INK);
+        self.text(&panel.x.label, [0.5 * (left + right), bottom + 41.0], TEXT_SIZE, "middle");
+        bottom + 58.0
     }
 }
 

@@ -1,0 +1,165 @@
+//! Why a frame is not the truth: each cause by the exact part in its place alone.
+//!
+//! With F the frame, T the truth, and ‖·‖ `compare`'s norm relative to T:
+//!
+//! - light fit: T traced under the fitted lights, T_s. Alone ‖T_s−T‖, remaining ‖F−T_s‖.
+//! - transmittance: reach by rays through the real strands (`RealStrands::reach`); what surrounds a point
+//!   (`Transport::surroundings`) stays and is multiple scattering's.
+//! - scattering integral: single scattering by dense quadrature (shaders/exact.wgsl).
+//! - coverage: the traced share of hair and head in each pixel.
+//!   For these three, with F′ the frame that has the exact part: alone ‖F−F′‖, remaining ‖F′−T‖.
+//! - multiple scattering: what is left, ‖F*−T_s‖, when all the others are exact (F*). The light that the head
+//!   sends into the hair, which frames have in part at most, is in it; so is what lies between shaded points.
+//!   `single` says how much of it that is: the same with one scattering event alone on both sides.
+//!
+//! Noise of traced pictures is taken out by their variances. Errors alone do not add up to the whole: causes
+//! of opposite sign cancel.
+
+use anyhow::Result;
+use serde::Serialize;
+
+use super::Effort;
+use super::images::{ALL, Asked, Lit, NONE, SINGLE, View, error_of, picture_of_frame};
+use super::method::Method;
+use crate::gpu::method::MethodData;
+use crate::measure::compare::compare;
+use crate::measure::read::Picture;
+use crate::progress::Clock;
+use crate::scene::FibreSpec;
+
+/// Names of [`Causes::parts`], in order.
+pub const CAUSES: [&str; 5] =
+    ["light fit", "coverage", "transmittance", "scattering integral", "multiple scattering"];
+
+/// One cause of a frame's error. Both relative to the truth.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Cause {
+    pub name: &'static str,
+    /// The error that it makes alone.
+    pub alone: f64,
+    /// What remains with this part exact and all others as they are.
+    pub remaining: Option<f64>,
+}
+
+/// All causes of one method's frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct Causes {
+    pub method: String,
+    /// The frame's error as it is.
+    pub whole: f64,
+    pub parts: Vec<Cause>,
+    /// One scattering event alone under the fitted lights: the frame as it is, and with reach and integrals exact.
+    pub single: f64,
+    pub single_exact: f64,
+}
+
+/// A picture to be taken apart.
+pub(super) struct Subject<'a> {
+    pub method: &'a Method,
+    pub data: &'a MethodData,
+    /// With single scattering by dense quadrature, where there is a shader for the model.
+    pub exact_single: Option<&'a MethodData>,
+    pub fibre: &'a FibreSpec,
+    pub lit: &'a Lit<'a>,
+    pub truth: &'a Picture,
+}
+
+/// Finds the causes; the view keeps the lights and reach that it had.
+pub(super) fn measure(
+    view: &mut View,
+    subject: &Subject,
+    effort: &Effort,
+    clock: &Clock,
+) -> Result<Causes> {
+    let Subject { method, data, exact_single, fibre, lit, truth } = *subject;
+    let asked =
+        Asked { fibre, bcsdf: method.exact, light: &lit.fitted, max_depth: u32::MAX, seed: 2 };
+    let truth_of = |view: &View, max_depth| {
+        let asked = Asked { max_depth, ..asked };
+        clock
+            .watch("truth by lights", |progress| view.truth(&asked, effort.truth_samples, progress))
+    };
+    let fitted = truth_of(view, u32::MAX)?;
+    let fitted_single = truth_of(view, 1)?;
+
+    view.renderer.set_method(data);
+    let shot = |view: &mut View, parts| anyhow::Ok(picture_of_frame(&view.render(parts)?.0));
+    let frame = shot(view, ALL)?;
+    let head = shot(view, NONE)?;
+    let single = shot(view, SINGLE)?;
+    view.renderer.set_lights(&lit.lights, &view.points, &lit.exact);
+    let by_reach = shot(view, ALL)?;
+    // Where no shader has the exact integrals, the method's own stand for them and the cause is nothing.
+    if let Some(exact) = exact_single {
+        view.renderer.set_method(exact);
+    }
+    let by_both = shot(view, ALL)?;
+    let single_exact = shot(view, SINGLE)?;
+    view.renderer.set_lights(&lit.lights, &view.points, &lit.transport);
+    let by_integral = shot(view, ALL)?;
+    view.renderer.set_method(data);
+
+    // Coverage comes from the traced picture that the result is not judged by: noise that both share would be
+    // taken for agreement.
+    let covered = |frame: &Picture, by: &Picture| with_coverage(frame, &head, by);
+    let error = |a: &Picture, b: &Picture| anyhow::Ok(error_of(&compare(a, b)?));
+    let swapped = |name, exact: &Picture| {
+        anyhow::Ok(Cause {
+            name,
+            alone: error(&moved(truth, &frame, exact), &noiseless(truth))?,
+            remaining: Some(error(exact, truth)?),
+        })
+    };
+    let [light_fit, coverage, transmittance, integral, multiple] = CAUSES;
+    Ok(Causes {
+        method: method.label(),
+        whole: error(&frame, truth)?,
+        parts: vec![
+            Cause {
+                name: light_fit,
+                alone: error(&fitted, truth)?,
+                remaining: Some(error(&frame, &fitted)?),
+            },
+            swapped(coverage, &covered(&frame, &fitted))?,
+            swapped(transmittance, &by_reach)?,
+            swapped(integral, &by_integral)?,
+            Cause {
+                name: multiple,
+                alone: error(&covered(&by_both, truth), &fitted)?,
+                remaining: None,
+            },
+        ],
+        single: error(&single, &fitted_single)?,
+        single_exact: error(&covered(&single_exact, truth), &fitted_single)?,
+    })
+}
+
+fn noiseless(picture: &Picture) -> Picture {
+    Picture { variance: None, ..picture.clone() }
+}
+
+/// `truth` + `a` − `b`, so that its distance from the truth is that of a and b, in the truth's norm.
+fn moved(truth: &Picture, a: &Picture, b: &Picture) -> Picture {
+    let rgb = truth.rgb.iter().zip(&a.rgb).zip(&b.rgb);
+    Picture {
+        rgb: rgb.map(|((t, a), b)| [0, 1, 2].map(|c| t[c] + a[c] - b[c])).collect(),
+        ..noiseless(truth)
+    }
+}
+
+/// The frame with the truth's coverage by hair and by the head, each part's colour as it is; `head` is the head's
+/// part alone.
+fn with_coverage(frame: &Picture, head: &Picture, truth: &Picture) -> Picture {
+    let plane = |plane: &Option<Vec<f32>>, i: usize| plane.as_ref().map_or(0.0, |plane| plane[i]);
+    let part = |picture: &Picture, i: usize| {
+        let hair = plane(&picture.hair, i);
+        [hair, (plane(&picture.alpha, i) - hair).max(0.0)]
+    };
+    let rgb = (0..frame.rgb.len()).map(|i| {
+        let (has, wanted) = (part(frame, i), part(truth, i));
+        let scale = [0, 1].map(|k| if has[k] > 0.0 { wanted[k] / has[k] } else { 0.0 });
+        let (all, skin) = (frame.rgb[i], head.rgb[i]);
+        [0, 1, 2].map(|c| scale[0] * (all[c] - skin[c]) + scale[1] * skin[c])
+    });
+    Picture { rgb: rgb.collect(), ..noiseless(frame) }
+}

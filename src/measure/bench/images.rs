@@ -1,0 +1,490 @@
+//! Error and time of whole frames against the path tracer, groom by groom, map by map, colour by colour.
+//!
+//! The truth is traced in-process under the map itself; its own noise is taken out of every error by its
+//! variance, as `compare` does. A frame's time is that of its shading pass: what a method changes.
+
+use std::f64::consts::SQRT_2;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use anyhow::{Result, bail};
+use glam::Vec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::causes::{self, Causes};
+use super::method::{BASELINE, Method, table_bytes};
+use super::statistics::Spread;
+use super::{Context, Effort, Groom};
+use crate::environment::Environment;
+use crate::gpu::Gpu;
+use crate::gpu::frame::{Background, Frame, Parts, Renderer};
+use crate::measure::compare::{Report, compare};
+use crate::measure::read::Picture;
+use crate::progress::Clock;
+use crate::reference::tracer::film::Film;
+use crate::reference::tracer::light::Light;
+use crate::reference::tracer::skin::Skin;
+use crate::reference::tracer::strands::Strands;
+use crate::reference::tracer::{Sampling, TraceScene, trace};
+use crate::reference::transmittance::RealStrands;
+use crate::reference::{Bcsdf, model_of};
+use crate::scene::{FibreSpec, Lens, PRESETS, Scene};
+use crate::srbf::{self, SrbfLight};
+use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights};
+use crate::transport::{Occluders, Transport, transport};
+
+/// The seed of path tracing that is judged; the truth's is 0.
+const OTHER_SEED: u32 = 1;
+
+pub(super) const ALL: Parts = Parts { single: true, global: true, local: true };
+pub(super) const SINGLE: Parts = Parts { single: true, global: false, local: false };
+pub(super) const NONE: Parts = Parts { single: false, global: false, local: false };
+
+/// A method's frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct FrameRow {
+    pub method: String,
+    /// Of the shading pass, milliseconds.
+    pub shade_ms: Spread,
+    /// Nanoseconds of shading for each point and light.
+    pub pair_ns: f64,
+    pub table_bytes: usize,
+    /// Relative L2, the truth's noise taken out.
+    pub error: f64,
+    /// Frame over truth, mean of the channels.
+    pub mean_ratio: f64,
+}
+
+/// Path tracing, of the truth's own model and another seed.
+#[derive(Clone, Debug, Serialize)]
+pub struct TracedRow {
+    pub samples: u32,
+    /// Wall time on all threads, milliseconds.
+    pub ms: f64,
+    /// Relative L2, its own noise included and the truth's taken out.
+    pub error: f64,
+}
+
+/// Another number of lights.
+#[derive(Clone, Debug, Serialize)]
+pub struct LightsRow {
+    /// Asked of the fit.
+    pub fitted: u32,
+    /// Shaded: wide ones are split.
+    pub lights: usize,
+    pub shade_ms: Spread,
+    pub error: f64,
+    /// Of the map after a blur of λ = 0.3.
+    pub fit_error: f64,
+}
+
+/// All that was measured of one picture.
+#[derive(Clone, Debug, Serialize)]
+pub struct Image {
+    pub groom: String,
+    pub colour: String,
+    pub map: String,
+    pub size: [u32; 2],
+    pub strands: usize,
+    pub points: usize,
+    pub points_shaded: usize,
+    pub lights: usize,
+    /// Samples a pixel of the truth, and the relative L2 of its own noise.
+    pub truth_samples: u32,
+    pub truth_noise: f64,
+    pub frames: Vec<FrameRow>,
+    pub traced: Vec<TracedRow>,
+    pub causes: Vec<Causes>,
+    pub by_lights: Vec<LightsRow>,
+}
+
+impl Image {
+    pub fn name(&self) -> String {
+        format!("{}, {}, {}", self.groom, self.colour, self.map)
+    }
+}
+
+/// A groom before its camera.
+pub(super) struct View<'a> {
+    pub stage: &'a Geometry,
+    pub lens: Lens,
+    pub renderer: Renderer,
+    /// Those that the frame needs.
+    pub points: Vec<u32>,
+    strands: Strands<'a>,
+    skin: Option<Skin<'a>>,
+    samples: u32,
+}
+
+impl View<'_> {
+    /// A frame and what its shading took.
+    pub fn render(&mut self, parts: Parts) -> Result<(Frame, f64)> {
+        let timed = |view: &mut Self, parts| {
+            let begun = Instant::now();
+            let frame =
+                view.renderer.render(&view.lens, view.samples, Background::Transparent, parts)?;
+            anyhow::Ok((frame, 1e3 * begun.elapsed().as_secs_f64()))
+        };
+        let (frame, whole) = timed(self, parts)?;
+        let shade = match frame.passes.get("shade") {
+            Some(&ms) => ms,
+            // Without timestamps: what a frame takes beyond one that sums nothing.
+            None => (whole - timed(self, NONE)?.1).max(0.0),
+        };
+        Ok((frame, shade))
+    }
+
+    /// Adds samples to a film.
+    pub fn trace(
+        &self,
+        asked: &Asked,
+        film: &mut Film,
+        samples: u32,
+        progress: &(dyn Fn(f32) -> bool + Sync),
+    ) -> Result<()> {
+        let model = model_of(asked.bcsdf, asked.fibre);
+        let scene = TraceScene {
+            strands: &self.strands,
+            skin: self.skin.as_ref(),
+            light: asked.light,
+            model: &*model,
+            lens: self.lens,
+            max_depth: asked.max_depth,
+            sampling: Sampling::Both,
+            seed: asked.seed,
+        };
+        if !trace(&scene, film, samples, progress)? {
+            bail!("cancelled");
+        }
+        Ok(())
+    }
+
+    pub fn truth(
+        &self,
+        asked: &Asked,
+        samples: u32,
+        progress: &(dyn Fn(f32) -> bool + Sync),
+    ) -> Result<Picture> {
+        let mut film = Film::new(self.lens.size);
+        self.trace(asked, &mut film, samples, progress)?;
+        Ok(picture_of_film(&film, "the truth"))
+    }
+}
+
+/// What a path-traced picture is of.
+#[derive(Clone, Copy)]
+pub(super) struct Asked<'a> {
+    pub fibre: &'a FibreSpec,
+    pub bcsdf: Bcsdf,
+    pub light: &'a Light<'a>,
+    pub max_depth: u32,
+    pub seed: u32,
+}
+
+/// What one map brings to a groom's points.
+pub(super) struct Lit<'a> {
+    pub map: Light<'a>,
+    /// The lights fitted to it, as the tracer takes them.
+    pub fitted: Light<'static>,
+    pub lights: Vec<SrbfLight>,
+    pub transport: Transport,
+    /// Its reach by rays through the real strands.
+    pub exact: Transport,
+}
+
+pub(super) fn picture_of_film(film: &Film, name: &str) -> Picture {
+    let count = 0..film.pixels.len();
+    let mean: Vec<[f64; 4]> = count.clone().map(|i| film.mean(i)).collect();
+    Picture {
+        name: name.to_owned(),
+        size: film.size.map(|n| n as usize),
+        rgb: mean.iter().map(|p| [0, 1, 2].map(|c| p[c] as f32)).collect(),
+        alpha: Some(mean.iter().map(|p| p[3] as f32).collect()),
+        hair: Some(count.clone().map(|i| film.hair_coverage(i) as f32).collect()),
+        variance: Some(count.map(|i| film.variance(i).map(|v| v as f32)).collect()),
+    }
+}
+
+pub(super) fn picture_of_frame(frame: &Frame) -> Picture {
+    Picture {
+        name: "the frame".to_owned(),
+        size: frame.size.map(|n| n as usize),
+        rgb: frame.pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+        alpha: Some(frame.pixels.iter().map(|p| p[3]).collect()),
+        hair: Some(frame.hair_coverage.clone()),
+        variance: None,
+    }
+}
+
+/// Relative L2 without what is known to be noise.
+pub(super) fn error_of(report: &Report) -> f64 {
+    report.noise.map_or(report.relative_l2, |noise| noise.relative_l2_without)
+}
+
+/// The scene's fibre in a preset's colour.
+fn preset(scene: &Scene, name: &str) -> FibreSpec {
+    let mut fibre = scene.fibre.clone();
+    if let Some(preset) = PRESETS.iter().find(|preset| preset.name == name) {
+        fibre.set_preset(preset);
+    }
+    fibre
+}
+
+/// Measures all pictures of one groom; hands the device back.
+pub fn measure(gpu: Gpu, groom: &Groom, context: &Context) -> Result<(Gpu, Vec<Image>)> {
+    let &Context { methods, effort, tables, clock } = context;
+    let mut scene = groom.scene.clone();
+    scene.output.size = effort.size;
+    let stage = Geometry::load(&scene)?;
+    let first = methods[0].data(&scene.fibre.resolve(), tables);
+    let mut renderer = Renderer::new(gpu, &first, &stage)?;
+    let lens = stage.camera(&scene)?.lens(stage.center, scene.output.size);
+    let pieces = stage.pieces(&lens);
+    let points = renderer.visible_points(&[lens], pieces, effort.samples)?;
+    let Geometry { hair, diameters, frames, head, center, .. } = &stage;
+    let mut view = View {
+        stage: &stage,
+        lens,
+        renderer,
+        points,
+        strands: Strands::new(hair, diameters, frames, pieces, *center),
+        skin: head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center)),
+        samples: effort.samples,
+    };
+    let mut images: Vec<Image> = Vec::new();
+    for &map in effort.maps {
+        let colours = effort.pictures.iter().filter(|picture| picture.1 == map);
+        let colours: Vec<&str> = colours.map(|picture| picture.0).collect();
+        if colours.is_empty() {
+            continue;
+        }
+        scene.environment.source = format!("builtin:{map}");
+        let environment = load_map(&scene.environment.source, clock)?.environment;
+        let lit = light(&mut view, &scene, &environment, effort, clock)?;
+        let mut first = None;
+        for &colour in &colours {
+            let begun = Instant::now();
+            let names = [groom.name.as_str(), colour, map];
+            let fibre = preset(&scene, colour);
+            let (image, truth) = picture(&mut view, names, &fibre, &lit, context)?;
+            clock.note(&format!("{}: {:.0} s", image.name(), begun.elapsed().as_secs_f64()));
+            images.push(image);
+            first.get_or_insert((fibre, truth));
+        }
+        if images.len() == colours.len()
+            && let Some((fibre, truth)) = &first
+        {
+            images[0].by_lights =
+                by_lights(&mut view, &scene, &environment, fibre, truth, context)?;
+        }
+    }
+    Ok((view.renderer.gpu, images))
+}
+
+/// Fits `count` lights to the map and brings them to the view's points.
+fn fit_lights(
+    view: &mut View,
+    scene: &Scene,
+    environment: &Environment,
+    count: u32,
+    clock: &Clock,
+) -> Result<(srbf::Fit, Vec<SrbfLight>, Transport)> {
+    let fit = clock.watch("fitting lights", |progress| {
+        srbf::fit_cached(environment, count as usize, progress)
+    })?;
+    let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
+    let volume = view.stage.density();
+    let occluders = Occluders { volume: &volume, head: view.stage.head.as_ref() };
+    let places: Vec<Vec3> =
+        view.points.iter().map(|&i| view.stage.hair.points[i as usize]).collect();
+    let transport = clock.watch("light transport", |progress| {
+        let done = AtomicUsize::new(0);
+        transport(&occluders, &lights, &places, &|| {
+            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
+        })
+    });
+    let Some(transport) = transport else { bail!("cancelled") };
+    view.renderer.set_lights(&lights, &view.points, &transport);
+    let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
+    let head: Vec<Vec3> = transport.head_irradiance.iter().map(|e| *e * to_radiance).collect();
+    view.renderer.set_head_radiance(&head);
+    Ok((fit, lights, transport))
+}
+
+/// Light from a map, as a frame, the tracer and rays through real strands have it.
+fn light<'a>(
+    view: &mut View,
+    scene: &Scene,
+    environment: &'a Environment,
+    effort: &Effort,
+    clock: &Clock,
+) -> Result<Lit<'a>> {
+    let (fit, lights, transport) =
+        fit_lights(view, scene, environment, scene.environment.lights, clock)?;
+    let rays = RealStrands::new(view.stage);
+    let done = AtomicUsize::new(0);
+    let exact_reach: Option<Vec<Vec<u32>>> = clock.watch("exact reach", |progress| {
+        lights
+            .par_iter()
+            .map(|light| {
+                let of = |&i: &u32| rays.reach(i as usize, light, effort.rays).pack();
+                let reach = view.points.iter().map(of).collect();
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                progress(done as f32 / lights.len() as f32).then_some(reach)
+            })
+            .collect()
+    });
+    let Some(exact_reach) = exact_reach else { bail!("cancelled") };
+    Ok(Lit {
+        map: Light::map(environment, 0.0, 1.0)?,
+        fitted: Light::lobes(&place_lights(&fit.lights, scene))?,
+        lights,
+        exact: Transport { reach: exact_reach, ..transport.clone() },
+        transport,
+    })
+}
+
+/// One picture, and the truth of the first method's model.
+fn picture(
+    view: &mut View,
+    [groom, colour, map]: [&str; 3],
+    fibre: &FibreSpec,
+    lit: &Lit,
+    context: &Context,
+) -> Result<(Image, Picture)> {
+    let &Context { methods, effort, tables, clock } = context;
+    let resolved = fibre.resolve();
+    let truth_of = |view: &View, bcsdf| {
+        let asked = Asked { fibre, bcsdf, light: &lit.map, max_depth: u32::MAX, seed: 0 };
+        clock.watch("truth", |progress| view.truth(&asked, effort.truth_samples, progress))
+    };
+    let mut truths: Vec<(Bcsdf, Picture)> = Vec::new();
+    for method in methods {
+        if truths.iter().all(|(bcsdf, _)| *bcsdf != method.exact) {
+            truths.push((method.exact, truth_of(view, method.exact)?));
+        }
+    }
+    let truth = |method: &Method| {
+        &truths.iter().find(|(bcsdf, _)| *bcsdf == method.exact).expect("one a model").1
+    };
+
+    // Path tracing of another seed, judged on its way.
+    let asked = Asked {
+        fibre,
+        bcsdf: methods[0].exact,
+        light: &lit.map,
+        max_depth: u32::MAX,
+        seed: OTHER_SEED,
+    };
+    let (mut film, mut ms, mut traced) = (Film::new(view.lens.size), 0.0, Vec::new());
+    for &samples in effort.traced {
+        let begun = Instant::now();
+        clock.watch("path tracing", |progress| view.trace(&asked, &mut film, samples, progress))?;
+        ms += 1e3 * begun.elapsed().as_secs_f64();
+        let picture = Picture { variance: None, ..picture_of_film(&film, "path tracing") };
+        let error = error_of(&compare(&picture, truth(&methods[0]))?);
+        traced.push(TracedRow { samples, ms, error });
+    }
+
+    // All methods in each round; the first warms up.
+    let data: Vec<_> = methods.iter().map(|method| method.data(&resolved, tables)).collect();
+    let mut times = vec![Vec::new(); methods.len()];
+    let mut last: Vec<Option<Frame>> = methods.iter().map(|_| None).collect();
+    for round in 0..=effort.frame_rounds {
+        for (k, data) in data.iter().enumerate() {
+            view.renderer.set_method(data);
+            let (frame, shade_ms) = view.render(ALL)?;
+            if round > 0 {
+                times[k].push(shade_ms);
+            }
+            last[k] = Some(frame);
+            if clock.cancelled() {
+                bail!("cancelled");
+            }
+        }
+    }
+    let pairs = (view.points.len() * lit.lights.len()) as f64;
+    let mut frames = Vec::new();
+    let mut found = Vec::new();
+    for (k, method) in methods.iter().enumerate() {
+        let Some(frame) = &last[k] else { continue };
+        let report = compare(&picture_of_frame(frame), truth(method))?;
+        let shade_ms = Spread::of(&times[k]);
+        frames.push(FrameRow {
+            method: method.label(),
+            shade_ms,
+            pair_ns: 1e6 * shade_ms.median / pairs,
+            table_bytes: table_bytes(&data[k]),
+            error: error_of(&report),
+            mean_ratio: report.mean_ratio.iter().flatten().sum::<f64>()
+                / report.mean_ratio.iter().flatten().count().max(1) as f64,
+        });
+        if method.by_cause {
+            let exact = method.exact_single(&resolved, tables);
+            let subject = causes::Subject {
+                method,
+                data: &data[k],
+                exact_single: exact.as_ref(),
+                fibre,
+                lit,
+                truth: truth(method),
+            };
+            found.push(causes::measure(view, &subject, effort, clock)?);
+        }
+    }
+    // Of two independent pictures as noisy as the truth, √2 of it would be left.
+    let truth_noise = compare(truth(&methods[0]), truth(&methods[0]))?
+        .noise
+        .map_or(0.0, |noise| noise.relative_l2 / SQRT_2);
+    let image = Image {
+        groom: groom.to_owned(),
+        colour: colour.to_owned(),
+        map: map.to_owned(),
+        size: view.lens.size,
+        strands: view.stage.hair.strand_count(),
+        points: view.stage.hair.points.len(),
+        points_shaded: view.points.len(),
+        lights: lit.lights.len(),
+        truth_samples: effort.truth_samples,
+        truth_noise,
+        frames,
+        traced,
+        causes: found,
+        by_lights: Vec::new(),
+    };
+    Ok((image, truths.swap_remove(0).1))
+}
+
+/// The baseline under other numbers of lights.
+fn by_lights(
+    view: &mut View,
+    scene: &Scene,
+    environment: &Environment,
+    fibre: &FibreSpec,
+    truth: &Picture,
+    context: &Context,
+) -> Result<Vec<LightsRow>> {
+    let &Context { methods, effort, tables, clock } = context;
+    let method = &methods[BASELINE.min(methods.len() - 1)];
+    view.renderer.set_method(&method.data(&fibre.resolve(), tables));
+    let mut rows = Vec::new();
+    for &fitted in effort.lights {
+        let (fit, lights, _) = fit_lights(view, scene, environment, fitted, clock)?;
+        let mut times = Vec::new();
+        let mut frame = view.render(ALL)?.0;
+        for _ in 0..effort.frame_rounds {
+            let (next, ms) = view.render(ALL)?;
+            frame = next;
+            times.push(ms);
+        }
+        rows.push(LightsRow {
+            fitted,
+            lights: lights.len(),
+            shade_ms: Spread::of(&times),
+            error: error_of(&compare(&picture_of_frame(&frame), truth)?),
+            fit_error: fit.relative_l2_blurred_0_30,
+        });
+    }
+    Ok(rows)
+}
