@@ -1,6 +1,7 @@
 //! Capture: a scene in, frames and figures out.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
@@ -13,13 +14,13 @@ use crate::image::write_frame;
 use crate::progress::{Clock, Reporting};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{self, Lens, Scattering, Scene};
-use crate::srbf;
+use crate::srbf::{self, SrbfLight};
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
     TransportFigures,
 };
-use crate::transport::{self, Occluders};
+use crate::transport::{Occluders, Transport, transport};
 
 /// Pairs of a point and a light that `--verify` casts rays for.
 const VERIFIED_PAIRS: usize = 4096;
@@ -36,7 +37,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let outputs = Outputs::new(scene)?;
     let stage = Geometry::load(scene)?;
-    let Geometry { hair, head, center, .. } = &stage;
+    let Geometry { hair, center, .. } = &stage;
     let center = *center;
     stage.notes.iter().for_each(|line| clock.note(line));
     clock.step("geometry")?;
@@ -72,21 +73,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("visibility")?;
 
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let volume = stage.density();
-    let occluders = Occluders { volume: &volume, head: head.as_ref() };
-    let bar = clock.bar("light transport");
-    let places: Vec<Vec3> = points.iter().map(|&i| hair.points[i as usize]).collect();
-    let transport = transport::transport(&occluders, &lights, &places, &|| {
-        bar.inc((1000 / lights.len().max(1)) as u64);
-        !clock.cancelled()
-    });
-    bar.finish_and_clear();
-    let Some(transport) = transport else { bail!("cancelled") };
-    renderer.set_lights(&lights, &points, &transport);
-    let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
-    renderer.set_head_radiance(
-        &transport.head_irradiance.iter().map(|e| *e * to_radiance).collect::<Vec<_>>(),
-    );
+    let transport = bring_lights(&mut renderer, &stage, &lights, &points, &clock)?;
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
         &map.environment,
@@ -184,6 +171,31 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         image: figures,
     };
     stats.write(path)
+}
+
+/// Brings lights to the strand points `points` and to the head, and sets both.
+pub fn bring_lights(
+    renderer: &mut Renderer,
+    stage: &Geometry,
+    lights: &[SrbfLight],
+    points: &[u32],
+    clock: &Clock,
+) -> Result<Transport> {
+    let volume = stage.density();
+    let occluders = Occluders { volume: &volume, head: stage.head.as_ref() };
+    let places: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
+    let transport = clock.watch("light transport", |progress| {
+        let done = AtomicUsize::new(0);
+        transport(&occluders, lights, &places, &|| {
+            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
+        })
+    });
+    let Some(transport) = transport else { bail!("cancelled") };
+    renderer.set_lights(lights, points, &transport);
+    let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
+    let head: Vec<Vec3> = transport.head_irradiance.iter().map(|e| *e * to_radiance).collect();
+    renderer.set_head_radiance(&head);
+    Ok(transport)
 }
 
 /// The files to write, checked before any work is done.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use clap::{Arg, ArgMatches, Command, value_parser};
 
-use super::{quiet, reporting, switch};
+use super::{adapter, quiet, reporting, switch};
 use crate::measure::bench::{self, Groom, Options};
 use crate::scene::Scene;
 
@@ -39,13 +39,7 @@ pub fn command() -> Command {
                 .requires("hair")
                 .help("Its head, as `capture` takes it"),
         )
-        .arg(
-            Arg::new("adapter")
-                .long("adapter")
-                .value_name("NAME")
-                .default_value("auto")
-                .help("auto, cpu, or part of an adapter's name"),
-        )
+        .arg(adapter())
         .arg(quiet())
 }
 

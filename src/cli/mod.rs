@@ -182,6 +182,15 @@ fn switch(name: &'static str) -> Arg {
     Arg::new(name).long(name).action(ArgAction::SetTrue)
 }
 
+/// For commands without a scene, whose `render.adapter` says the same.
+fn adapter() -> Arg {
+    Arg::new("adapter")
+        .long("adapter")
+        .value_name("NAME")
+        .default_value("auto")
+        .help("auto, cpu, or part of an adapter's name")
+}
+
 fn quiet() -> Arg {
     switch("quiet").short('q').help("No progress, notes or warnings on stderr")
 }

@@ -4,7 +4,7 @@ use anyhow::Result;
 use clap::builder::PossibleValuesParser;
 use clap::{Arg, ArgMatches, Command};
 
-use super::{choice, word};
+use super::{adapter, choice, word};
 use crate::gpu::Gpu;
 use crate::gpu::probe::run as run_on_gpu;
 use crate::probe::{self, Function, Method, Options, Request};
@@ -40,13 +40,7 @@ pub fn command() -> Command {
             ),
         )
         .arg(choice("on", &["cpu", "gpu"]).help("In f64, or by the renderer's own WGSL"))
-        .arg(
-            Arg::new("adapter")
-                .long("adapter")
-                .value_name("NAME")
-                .default_value("auto")
-                .help("auto, cpu, or part of an adapter's name"),
-        )
+        .arg(adapter())
 }
 
 pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {

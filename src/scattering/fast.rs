@@ -25,9 +25,11 @@
 //! light (J = q), whatever the shape of the hair; but the strands that a seen point gets its field from lie
 //! deeper and darker than itself. [`DIFFUSIVITY`] stands for that; it was chosen by the path tracer.
 
+use std::sync::OnceLock;
+
 use super::{
     azimuth_table::{AzimuthTable, Mode, deficit, joined, transmitted},
-    azimuthal::eccentric_eta,
+    azimuthal::{FitLayers, eccentric_eta},
     fibre::Fibre,
     gaussian::{concentration, g_circular, g_circular_integral, i0e},
     longitudinal::{COMPENSATION_MAX, longitudinal, longitudinal_bandwidth, projection},
@@ -46,16 +48,20 @@ const MODES: [Mode; 3] = [Mode::R, Mode::Tt, Mode::Trt];
 /// What the method looks up.
 pub struct Tables {
     pub azimuth: AzimuthTable,
-    pub nodes: NodeTable,
+    /// Of no fibre: made once.
+    pub nodes: &'static NodeTable,
 }
 
 impl Tables {
-    /// Tables for fibres of index `eta` with `nodes` (2 to 4) nodes over θ_i.
+    /// Tables for a fibre's η and cross section with `nodes` (2 to 4; others are clamped) nodes over θ_i.
     pub fn new(fibre: &Fibre, nodes: usize) -> Self {
-        let layers = super::azimuthal::FitLayers::new(fibre);
+        static RULES: [OnceLock<NodeTable>; 3] = [const { OnceLock::new() }; 3];
+        let count = nodes.clamp(2, 4);
+        let layers = FitLayers::new(fibre);
         Self {
             azimuth: AzimuthTable::over(layers.low, layers.high, layers.count),
-            nodes: NodeTable::new(nodes, Taper::MARSCHNER.exponent),
+            nodes: RULES[count - 2]
+                .get_or_init(|| NodeTable::new(count, Taper::MARSCHNER.exponent)),
         }
     }
 }

@@ -32,7 +32,7 @@ use rayon::prelude::*;
 use super::{
     longitudinal::Node,
     quadrature::GaussLegendre,
-    tables::{pack, place},
+    tables::{bilinear, pack},
 };
 
 /// How F leaves its Gaussian towards grazing: as cos^q θ_i, q = `exponent`, and beside that as e^{−s tanθ_d θ_i},
@@ -111,8 +111,8 @@ pub fn over_the_pole(centre: f64) -> f64 {
 #[derive(Clone, Debug)]
 pub struct NodeTable {
     count: usize,
-    /// `entries[row * COLUMNS + column]` = (t_k, weight_k/λ) of each node, as 16 bits hold them.
-    entries: Vec<[(f64, f64); 4]>,
+    /// `entries[row * COLUMNS + column]` = t_k, weight_k/λ of node after node, as 16 bits hold them.
+    entries: Vec<[f64; 8]>,
 }
 
 /// The λ of the middle row.
@@ -138,12 +138,12 @@ impl NodeTable {
                 let u = (i / Self::COLUMNS) as f64 / (Self::ROWS - 1) as f64;
                 let v = (i % Self::COLUMNS) as f64 / (Self::COLUMNS - 1) as f64;
                 let (mu, lambda) = Self::uv_to_x([u, v]);
-                let mut entry = [(0.0, 0.0); 4];
-                for (slot, node) in entry.iter_mut().zip(rule(&fine, count, mu, lambda, exponent)) {
-                    *slot = node;
+                let mut entry = [0.0; 8];
+                let nodes = rule(&fine, count, mu, lambda, exponent);
+                for (slot, (t, weight)) in entry.chunks_exact_mut(2).zip(nodes) {
+                    slot.copy_from_slice(&[t, weight]);
                 }
-                let rounded = |x: f64| half::f16::from_f64(x).to_f64();
-                entry.map(|(t, weight)| (rounded(t), rounded(weight)))
+                entry.map(|x| half::f16::from_f64(x).to_f64())
             })
             .collect();
         Self { count, entries }
@@ -168,40 +168,20 @@ impl NodeTable {
     pub fn nodes(&self, mu: f64, lambda: f64) -> impl Iterator<Item = Node> {
         // Of a Gaussian farther outside, the last column's nodes: what is inside is next to nothing.
         let near = mu.abs().min(FRAC_PI_2 + OUTSIDE * lambda);
-        let [u, v] = Self::x_to_uv(near, lambda);
-        let ((row, down), (column, right)) = (place(u, Self::ROWS), place(v, Self::COLUMNS));
-        let first = row * Self::COLUMNS + column;
-        let corners = [first, first + 1, first + Self::COLUMNS, first + Self::COLUMNS + 1]
-            .map(|i| self.entries[i]);
-        let shares = [
-            (1.0 - down) * (1.0 - right),
-            (1.0 - down) * right,
-            down * (1.0 - right),
-            down * right,
-        ];
+        let size = [Self::ROWS, Self::COLUMNS];
+        let rule = bilinear(Self::x_to_uv(near, lambda), size, |i| self.entries[i]);
         (0..self.count).map(move |k| {
-            let sum = |of: fn((f64, f64)) -> f64| {
-                corners
-                    .iter()
-                    .zip(&shares)
-                    .map(|(corner, share)| share * of(corner[k]))
-                    .sum::<f64>()
-            };
-            let theta = near + lambda * sum(|node| node.0);
+            let theta = near + lambda * rule[2 * k];
             Node {
                 theta: theta.clamp(-FRAC_PI_2, FRAC_PI_2) * mu.signum(),
-                weight: lambda * sum(|node| node.1),
+                weight: lambda * rule[2 * k + 1],
             }
         })
     }
 
     /// As the shader reads it: an entry's component k is node k, (t_k, weight_k/λ) as 16-bit floats.
     pub fn to_gpu(&self) -> Vec<[u32; 4]> {
-        let packed = |entry: &[(f64, f64); 4]| {
-            let [a, b, c, d] = *entry;
-            pack([a.0, a.1, b.0, b.1, c.0, c.1, d.0, d.1])
-        };
-        self.entries.iter().map(packed).collect()
+        self.entries.iter().map(|&entry| pack(entry)).collect()
     }
 }
 

@@ -214,7 +214,7 @@ pub fn absorption_moments(rule: &GaussLegendre, eta: f64, theta_d: f64) -> [f64;
 }
 
 /// Bilinear interpolation on a grid of `size` [rows, columns] whose ends lie at 0 and 1.
-fn bilinear<const N: usize>(
+pub(super) fn bilinear<const N: usize>(
     uv: [f64; 2],
     size: [usize; 2],
     at: impl Fn(usize) -> [f64; N],

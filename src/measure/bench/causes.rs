@@ -25,6 +25,7 @@ use crate::gpu::method::MethodData;
 use crate::measure::compare::compare;
 use crate::measure::read::Picture;
 use crate::progress::Clock;
+use crate::reference::Bcsdf;
 use crate::scene::FibreSpec;
 
 /// Names of [`Causes::parts`], in order.
@@ -59,29 +60,33 @@ pub(super) struct Subject<'a> {
     pub data: &'a MethodData,
     /// With single scattering by dense quadrature, where there is a shader for the model.
     pub exact_single: Option<&'a MethodData>,
-    pub fibre: &'a FibreSpec,
     pub lit: &'a Lit<'a>,
     pub truth: &'a Picture,
+    /// [`truths_by_lights`].
+    pub fitted: &'a Picture,
+    pub fitted_single: &'a Picture,
 }
 
-/// Finds the causes; the view keeps the lights and reach that it had.
-pub(super) fn measure(
-    view: &mut View,
-    subject: &Subject,
+/// The truth under the fitted lights, of all scattering and of one event alone: of a model, whatever the method.
+pub(super) fn truths_by_lights(
+    view: &View,
+    bcsdf: Bcsdf,
+    fibre: &FibreSpec,
+    lit: &Lit,
     effort: &Effort,
     clock: &Clock,
-) -> Result<Causes> {
-    let Subject { method, data, exact_single, fibre, lit, truth } = *subject;
-    let asked =
-        Asked { fibre, bcsdf: method.exact, light: &lit.fitted, max_depth: u32::MAX, seed: 2 };
-    let truth_of = |view: &View, max_depth| {
-        let asked = Asked { max_depth, ..asked };
+) -> Result<[Picture; 2]> {
+    let truth = |max_depth| {
+        let asked = Asked { fibre, bcsdf, light: &lit.fitted, max_depth, seed: 2 };
         clock
             .watch("truth by lights", |progress| view.truth(&asked, effort.truth_samples, progress))
     };
-    let fitted = truth_of(view, u32::MAX)?;
-    let fitted_single = truth_of(view, 1)?;
+    Ok([truth(u32::MAX)?, truth(1)?])
+}
 
+/// Finds the causes; the view keeps the lights and reach that it had.
+pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
+    let Subject { method, data, exact_single, lit, truth, fitted, fitted_single } = *subject;
     view.renderer.set_method(data);
     let shot = |view: &mut View, parts| anyhow::Ok(picture_of_frame(&view.render(parts)?.0));
     let frame = shot(view, ALL)?;
@@ -117,20 +122,20 @@ pub(super) fn measure(
         parts: vec![
             Cause {
                 name: light_fit,
-                alone: error(&fitted, truth)?,
-                remaining: Some(error(&frame, &fitted)?),
+                alone: error(fitted, truth)?,
+                remaining: Some(error(&frame, fitted)?),
             },
-            swapped(coverage, &covered(&frame, &fitted))?,
+            swapped(coverage, &covered(&frame, fitted))?,
             swapped(transmittance, &by_reach)?,
             swapped(integral, &by_integral)?,
             Cause {
                 name: multiple,
-                alone: error(&covered(&by_both, truth), &fitted)?,
+                alone: error(&covered(&by_both, truth), fitted)?,
                 remaining: None,
             },
         ],
-        single: error(&single, &fitted_single)?,
-        single_exact: error(&covered(&single_exact, truth), &fitted_single)?,
+        single: error(&single, fitted_single)?,
+        single_exact: error(&covered(&single_exact, truth), fitted_single)?,
     })
 }
 

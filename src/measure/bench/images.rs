@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
-use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -16,6 +15,7 @@ use super::causes::{self, Causes};
 use super::method::{BASELINE, Method, table_bytes};
 use super::statistics::Spread;
 use super::{Context, Effort, Groom};
+use crate::capture::bring_lights;
 use crate::environment::Environment;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
@@ -32,7 +32,7 @@ use crate::reference::{Bcsdf, model_of};
 use crate::scene::{FibreSpec, Lens, PRESETS, Scene};
 use crate::srbf::{self, SrbfLight};
 use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights};
-use crate::transport::{Occluders, Transport, transport};
+use crate::transport::Transport;
 
 /// The seed of path tracing that is judged; the truth's is 0.
 const OTHER_SEED: u32 = 1;
@@ -294,21 +294,7 @@ fn fit_lights(
         srbf::fit_cached(environment, count as usize, progress)
     })?;
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let volume = view.stage.density();
-    let occluders = Occluders { volume: &volume, head: view.stage.head.as_ref() };
-    let places: Vec<Vec3> =
-        view.points.iter().map(|&i| view.stage.hair.points[i as usize]).collect();
-    let transport = clock.watch("light transport", |progress| {
-        let done = AtomicUsize::new(0);
-        transport(&occluders, &lights, &places, &|| {
-            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
-        })
-    });
-    let Some(transport) = transport else { bail!("cancelled") };
-    view.renderer.set_lights(&lights, &view.points, &transport);
-    let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
-    let head: Vec<Vec3> = transport.head_irradiance.iter().map(|e| *e * to_radiance).collect();
-    view.renderer.set_head_radiance(&head);
+    let transport = bring_lights(&mut view.renderer, view.stage, &lights, &view.points, clock)?;
     Ok((fit, lights, transport))
 }
 
@@ -407,6 +393,7 @@ fn picture(
     let pairs = (view.points.len() * lit.lights.len()) as f64;
     let mut frames = Vec::new();
     let mut found = Vec::new();
+    let mut by_lights: Vec<(Bcsdf, [Picture; 2])> = Vec::new();
     for (k, method) in methods.iter().enumerate() {
         let Some(frame) = &last[k] else { continue };
         let report = compare(&picture_of_frame(frame), truth(method))?;
@@ -422,15 +409,23 @@ fn picture(
         });
         if method.by_cause {
             let exact = method.exact_single(&resolved, tables);
+            if by_lights.iter().all(|(bcsdf, _)| *bcsdf != method.exact) {
+                let truths =
+                    causes::truths_by_lights(view, method.exact, fibre, lit, effort, clock)?;
+                by_lights.push((method.exact, truths));
+            }
+            let (_, [fitted, fitted_single]) =
+                by_lights.iter().find(|(bcsdf, _)| *bcsdf == method.exact).expect("one a model");
             let subject = causes::Subject {
                 method,
                 data: &data[k],
                 exact_single: exact.as_ref(),
-                fibre,
                 lit,
                 truth: truth(method),
+                fitted,
+                fitted_single,
             };
-            found.push(causes::measure(view, &subject, effort, clock)?);
+            found.push(causes::measure(view, &subject)?);
         }
     }
     // Of two independent pictures as noisy as the truth, √2 of it would be left.
