@@ -36,6 +36,7 @@ pub struct CaptureOptions {
 pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let outputs = Outputs::new(scene)?;
+    let method = MethodData::new(&scene.fibre, &scene.render)?;
     let stage = Geometry::load(scene)?;
     let Geometry { hair, center, .. } = &stage;
     let center = *center;
@@ -59,7 +60,6 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, wanted, progress))?;
     clock.step("fit")?;
 
-    let method = MethodData::new(&scene.fibre.resolve(), &scene.render);
     let mut renderer = Renderer::new(gpu, &method, &stage)?;
     clock.step("upload")?;
 

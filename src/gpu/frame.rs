@@ -648,7 +648,7 @@ fn jitter(pass: u32, sampling: Sampling) -> Vec2 {
 }
 
 fn shade_pipeline(device: &wgpu::Device, method: &MethodData) -> wgpu::ComputePipeline {
-    let source = method.specialised(shaders::shade(method.method));
+    let source = method.specialised(shaders::shade(method.integrator));
     let shade = module(device, "shade", &source);
     compute_pipeline(device, &shade, "shade", &method.constants())
 }

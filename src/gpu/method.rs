@@ -1,43 +1,74 @@
 //! What a method binds in group 0: the fibre, and two tables.
 
+use anyhow::{Result, bail};
+
 use crate::scattering::{
     azimuthal::Energy,
-    fast,
+    fast::{self, Fast},
     fibre::Fibre,
+    model::Model,
     tables::{self, Tables},
     xu,
 };
-use crate::scene::{Energies, Method, RenderSpec};
+use crate::scene::{Bcsdf, Energies, FibreSpec, Method, RenderSpec};
 
 use super::shaders;
 use super::uniforms::FibreUniform;
 
+/// What a frame's scattering is evaluated by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    Fast(Model),
+    /// Of Marschner's fibre.
+    Xu,
+}
+
+/// Longer paths than TRT are left out where they hold less than this share of what a fibre scatters.
+const VISIBLE: f64 = 1.0 / 512.0;
+
 /// Group 0 of `shaders::scattering_library`.
 pub struct MethodData {
-    pub method: Method,
+    pub integrator: Integrator,
     pub fibre: FibreUniform,
     /// At bindings 1 and 2.
     pub tables: [Vec<u8>; 2],
+    /// Whether paths longer than TRT can be seen.
+    pub longer: bool,
     /// Single scattering by dense quadrature in the method's place, for judging the rest; for round fibres.
     pub exact_single: bool,
 }
 
 impl MethodData {
-    /// The method that a scene asks for.
-    pub fn new(fibre: &Fibre, render: &RenderSpec) -> Self {
-        match render.method {
-            Method::Fast => Self::fast(fibre, render.nodes),
-            Method::Xu => Self::xu(fibre, render.segments, render.energies),
-        }
+    /// What a scene asks for.
+    ///
+    /// # Errors
+    /// One line: a model that the method does not have.
+    pub fn new(spec: &FibreSpec, render: &RenderSpec) -> Result<Self> {
+        let fibre = spec.resolve();
+        let fast = |model: Model| Self::fast(&fibre, model, render.nodes.unwrap_or(model.nodes()));
+        Ok(match (render.method, spec.model) {
+            (Method::Fast, Bcsdf::Marschner) => fast(Model::Marschner),
+            (Method::Fast, Bcsdf::Deon) => fast(Model::Deon),
+            (Method::Xu, Bcsdf::Marschner) => Self::xu(&fibre, render.segments, render.energies),
+            (Method::Xu, Bcsdf::Deon) => {
+                bail!("the method xu has no deon: give --method fast, or --bcsdf marschner")
+            }
+            (_, Bcsdf::Chiang) => {
+                bail!(
+                    "chiang is path traced only: give --bcsdf marschner or deon, or use `hairlight reference`"
+                )
+            }
+        })
     }
 
     /// `nodes`: 2 to 4 over θ_i.
-    pub fn fast(fibre: &Fibre, nodes: u32) -> Self {
-        let tables = fast::Tables::new(fibre, nodes as usize);
+    pub fn fast(fibre: &Fibre, model: Model, nodes: u32) -> Self {
+        let tables = fast::Tables::new(fibre, model, nodes as usize);
         Self {
-            method: Method::Fast,
-            fibre: FibreUniform::new(fibre, nodes),
+            integrator: Integrator::Fast(model),
+            fibre: FibreUniform::new(fibre, model, nodes),
             tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
+            longer: Fast::new(fibre, model, &tables).longer_share() > VISIBLE,
             exact_single: false,
         }
     }
@@ -54,12 +85,13 @@ impl MethodData {
             Energies::Taylor => Energy::Taylor(&tables.absorption),
         };
         Self {
-            method: Method::Xu,
-            fibre: FibreUniform::new(fibre, segments),
+            integrator: Integrator::Xu,
+            fibre: FibreUniform::new(fibre, Model::Marschner, segments),
             tables: [
                 bytes(&tables.to_gpu()),
                 bytes(&xu::fibre_table(fibre, segments, energy, tables)),
             ],
+            longer: false,
             exact_single: false,
         }
     }
@@ -72,8 +104,8 @@ impl MethodData {
     }
 
     /// What the shader is specialised by: see shaders/fibre.wgsl.
-    pub fn constants(&self) -> [(&'static str, f64); 1] {
-        [("ECCENTRIC", f64::from(self.fibre.eta_layers > 1))]
+    pub fn constants(&self) -> [(&'static str, f64); 2] {
+        [("ECCENTRIC", f64::from(self.fibre.eta_layers > 1)), ("LONGER", f64::from(self.longer))]
     }
 }
 

@@ -10,16 +10,17 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail, ensure};
 use exr::meta::attribute::{AttributeValue, Text};
 
+use super::model_of;
 use super::tracer::film::Film;
 use super::tracer::light::Light;
 use super::tracer::skin::Skin;
 use super::tracer::strands::Strands;
 use super::tracer::{Sampling, TraceScene, trace};
-use super::{Bcsdf, model_of};
 use crate::environment::Environment;
 use crate::image::{Format, write_display, write_exr};
 use crate::measure::read::read_image;
 use crate::progress::{Clock, Reporting};
+use crate::scene::Bcsdf;
 use crate::scene::{Background, Lens, Scene};
 use crate::srbf;
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
