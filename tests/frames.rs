@@ -311,16 +311,22 @@ fn dense_white_hair_sends_back_most_of_what_it_gets_and_no_more() {
     };
     let mut report = String::new();
     for azimuth in ["0", "180"] {
-        for [beta, lights] in [["3", "40"], ["8", "40"], ["20", "40"], ["8", "1"]] {
-            let fibre = ["--preset", "white", "--beta-r", beta];
+        for [bcsdf, beta, lights] in [
+            ["marschner", "3", "40"],
+            ["marschner", "8", "40"],
+            ["marschner", "20", "40"],
+            ["marschner", "8", "1"],
+            ["deon", "8", "40"],
+        ] {
+            let fibre = ["--preset", "white", "--bcsdf", bcsdf, "--beta-r", beta];
             let light = ["--lights", lights, "--azimuth", azimuth];
-            let (mean, most) = radiance(&[fibre, light].concat());
+            let (mean, most) = radiance(&[&fibre[..], &light].concat());
             let line = format!(
-                "β_R = {beta}°, lights {lights}, from {azimuth}°: mean {mean:.3}, most {most:.3}"
+                "{bcsdf}, β_R = {beta}°, lights {lights}, from {azimuth}°: mean {mean:.3}, most {most:.3}"
             );
             println!("{line}");
-            // What arrives and what leaves are means over other directions: 2.5 % too much where they differ most.
-            if most > 1.03 || mean < 0.65 {
+            // What arrives and what leaves are means over other directions: 4.4 % too much where they differ most.
+            if most > 1.05 || mean < 0.65 {
                 let _ = writeln!(report, "{line}");
             }
         }
@@ -328,6 +334,10 @@ fn dense_white_hair_sends_back_most_of_what_it_gets_and_no_more() {
     assert!(report.is_empty(), "{report}");
     let (_, most) = radiance(&["--preset", "white", "--env-exposure", "1"]);
     assert!(most > 1.5, "twice the light is told apart: {most}");
+    for bcsdf in ["marschner", "deon"] {
+        let (mean, most) = radiance(&["--sigma-a", "0,0,0", "--bcsdf", bcsdf]);
+        println!("{bcsdf}, clear: mean {mean:.3}, most {most:.3}");
+    }
     let (mean, _) = radiance(&["--preset", "black"]);
     assert!(mean < 0.2, "black hair is told apart: {mean}");
 }

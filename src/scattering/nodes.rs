@@ -13,17 +13,17 @@
 //!
 //! | | R | TT | TRT | d'Eon R | TT | TRT |
 //! | --- | --- | --- | --- | --- | --- | --- |
-//! | m = 4 segments | 7.2 / 14 | 0.89 / 1.5 | 4.1 / 12 | 9.8 / 15 | 1.3 / 2.8 | 4.6 / 11 |
-//! | 2 nodes | 0.51 / 0.87 | 0.06 / 0.11 | 0.57 / 1.6 | 0.84 / 1.3 | 0.22 / 0.42 | 1.5 / 3.3 |
-//! | 3 nodes | 0.23 / 0.39 | 0.02 / 0.04 | 0.14 / 0.47 | 0.34 / 0.51 | 0.06 / 0.15 | 0.44 / 1.0 |
-//! | 4 nodes | 0.11 / 0.18 | 0.02 / 0.02 | 0.06 / 0.19 | 0.20 / 0.30 | 0.03 / 0.06 | 0.24 / 0.89 |
+//! | m = 4 segments | 7.2 / 14 | 0.89 / 1.5 | 4.1 / 12 | 6.7 / 9.3 | 2.1 / 5.1 | 4.5 / 8.9 |
+//! | 2 nodes | 0.51 / 0.87 | 0.06 / 0.11 | 0.57 / 1.6 | 0.92 / 1.3 | 0.32 / 0.60 | 1.3 / 2.7 |
+//! | 3 nodes | 0.23 / 0.39 | 0.02 / 0.04 | 0.14 / 0.47 | 0.36 / 0.61 | 0.10 / 0.26 | 0.35 / 0.72 |
+//! | 4 nodes | 0.11 / 0.18 | 0.02 / 0.02 | 0.06 / 0.19 | 0.19 / 0.30 | 0.06 / 0.12 | 0.15 / 0.38 |
 //!
 //! - The ends are in the weight, and so are F's zeros there ([`Taper`]). With the Gaussian's ends alone, q = 0 and no
 //!   slope, 2 nodes leave 3.2, 0.2 and 2.2 % and 3 nodes 0.8, 0.03 and 0.7 %.
 //! - Two cut-offs and a power make a rule of (μ, λ): a table of 24×32 entries, 12 KB, of no fibre. Interpolation and
 //!   16 bits cost a tenth of the error of 2 nodes, a quarter of that of 3.
 //! - β_R 0.05–45°, λ_j 0.003–3: |θ_o| ≤ 80° as above; closer to the pole 2 / 3 nodes leave at most 1 / 0.3 % but for
-//!   R, 8.5 / 5.2 % (m = 4: 19 %), whose tilt throws it past the pole; d'Eon 2 / 0.5 %, TT 6.0 / 1.8 %.
+//!   R, 8.5 / 5.2 % (m = 4: 19 %), whose tilt throws it past the pole; d'Eon 2 / 0.6 %.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
