@@ -57,6 +57,9 @@ struct NodePlace {
 }
 
 fn node_place(lobe: Lobe) -> NodePlace {
+    if COUNT {
+        done.lobes += 1u;
+    }
     let last = HALF_PI + OUTSIDE * lobe.lambda;
     let near = min(abs(lobe.mu), last);
     let crowding = CROWDING * lobe.lambda;

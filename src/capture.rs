@@ -8,7 +8,7 @@ use anyhow::{Result, bail};
 use glam::Vec3;
 
 use crate::gpu::Gpu;
-use crate::gpu::frame::{Background, Frame, Parts, Renderer};
+use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
 use crate::image::write_frame;
 use crate::progress::{Clock, Reporting};
@@ -18,7 +18,7 @@ use crate::srbf::{self, SrbfLight};
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
-    TransportFigures,
+    TransportFigures, Work,
 };
 use crate::transport::{Occluders, Transport, transport};
 
@@ -73,7 +73,9 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("visibility")?;
 
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let transport = bring_lights(&mut renderer, &stage, &lights, &points, &clock)?;
+    let parts = parts(scene.render.scattering);
+    let transport =
+        bring_lights(&mut renderer, &stage, &lights, &points, parts.multiple(), &clock)?;
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
         &map.environment,
@@ -89,12 +91,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let bar = clock.bar("frames");
     for (index, (path, lens)) in outputs.frames.iter().zip(&lenses).enumerate() {
         let started = Instant::now();
-        let frame = renderer.render(
-            lens,
-            scene.render.samples,
-            background(scene),
-            parts(scene.render.scattering),
-        )?;
+        let frame = renderer.render(lens, scene.render.samples, background(scene), parts)?;
         let frame_ms = 1e3 * started.elapsed().as_secs_f64();
         if clock.cancelled() {
             bail!("cancelled");
@@ -130,6 +127,10 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         adapter.name,
     ));
     let Some(path) = &outputs.stats else { return Ok(()) };
+    let done = match lenses.last() {
+        Some(lens) => renderer.count(lens, scene.render.samples, parts)?,
+        None => Done::default(),
+    };
     let mut passes = clock.steps.clone();
     let Frame { passes: timed, shaded, .. } = frame;
     if timed.is_empty() {
@@ -166,6 +167,17 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             mean_abs_delta_t: delta_t.map(|d| d.mean_abs),
             mean_delta_t: delta_t.map(|d| d.mean),
         },
+        work: Work {
+            lights: lights.len(),
+            points_shaded: done.points,
+            pairs_asked: done.points * lights.len() as u64,
+            pairs_lit: done.pairs,
+            single_evaluations: done.single,
+            global_evaluations: done.global,
+            lobes: done.lobes,
+            transport_looks: transport.looks,
+            bytes: renderer.shading_bytes(),
+        },
         timing: Timing { frame_ms, setup_ms, total_ms: clock.total_ms(), passes },
         memory: Memory::now(),
         image: figures,
@@ -173,12 +185,14 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     stats.write(path)
 }
 
-/// Brings lights to the strand points `points` and to the head, and sets both.
+/// Brings lights to the strand points `points` and to the head, and sets both; without `multiple` scattering only
+/// what direct light needs.
 pub fn bring_lights(
     renderer: &mut Renderer,
     stage: &Geometry,
     lights: &[SrbfLight],
     points: &[u32],
+    multiple: bool,
     clock: &Clock,
 ) -> Result<Transport> {
     let volume = stage.density();
@@ -186,7 +200,7 @@ pub fn bring_lights(
     let places: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
     let transport = clock.watch("light transport", |progress| {
         let done = AtomicUsize::new(0);
-        transport(&occluders, lights, &places, &|| {
+        transport(&occluders, lights, &places, multiple, &|| {
             progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
         })
     });

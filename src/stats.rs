@@ -17,6 +17,7 @@ pub struct Stats {
     pub environment: EnvironmentCounts,
     pub fit: FitFigures,
     pub transport: TransportFigures,
+    pub work: Work,
     pub timing: Timing,
     pub memory: Memory,
     pub image: ImageFigures,
@@ -68,6 +69,26 @@ pub struct TransportFigures {
     pub mean_abs_delta_t: Option<f64>,
     /// The same with its sign: above 0 where the frame is too bright.
     pub mean_delta_t: Option<f64>,
+}
+
+/// What the last frame took, in numbers that repeat exactly.
+#[derive(Debug, Serialize)]
+pub struct Work {
+    /// That are shaded: wide ones are split.
+    pub lights: usize,
+    pub points_shaded: u64,
+    /// Points times lights, and those pairs that matter.
+    pub pairs_asked: u64,
+    pub pairs_lit: u64,
+    /// Evaluations of the method's integrals.
+    pub single_evaluations: u64,
+    pub global_evaluations: u64,
+    /// Modes joined with a light; 0 for `xu`, which does not count them.
+    pub lobes: u64,
+    /// Look-ups of optical depth for transport.
+    pub transport_looks: u64,
+    /// Tables, reach, lights and points that shading reads.
+    pub bytes: u64,
 }
 
 #[derive(Debug, Serialize)]

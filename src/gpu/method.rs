@@ -13,6 +13,7 @@ use super::shaders;
 use super::uniforms::FibreUniform;
 
 /// Group 0 of `shaders::scattering_library`.
+#[derive(Clone)]
 pub struct MethodData {
     pub method: Method,
     pub fibre: FibreUniform,
@@ -20,7 +21,14 @@ pub struct MethodData {
     pub tables: [Vec<u8>; 2],
     /// Single scattering by dense quadrature in the method's place, for judging the rest; for round fibres.
     pub exact_single: bool,
+    /// Bit t: mode t is bright enough to be seen.
+    pub modes: u32,
+    /// Nothing that a scene lacks is left out, for judging what is.
+    pub general: bool,
 }
+
+/// Every mode.
+const ALL_MODES: u32 = 15;
 
 impl MethodData {
     /// The method that a scene asks for.
@@ -37,8 +45,10 @@ impl MethodData {
         Self {
             method: Method::Fast,
             fibre: FibreUniform::new(fibre, nodes),
+            modes: fast::Fast::new(fibre, &tables).visible_modes(),
             tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
             exact_single: false,
+            general: false,
         }
     }
 
@@ -61,6 +71,8 @@ impl MethodData {
                 bytes(&xu::fibre_table(fibre, segments, energy, tables)),
             ],
             exact_single: false,
+            modes: ALL_MODES,
+            general: false,
         }
     }
 }
@@ -72,8 +84,12 @@ impl MethodData {
     }
 
     /// What the shader is specialised by: see shaders/fibre.wgsl.
-    pub fn constants(&self) -> [(&'static str, f64); 1] {
-        [("ECCENTRIC", f64::from(self.fibre.eta_layers > 1))]
+    pub fn constants(&self) -> Vec<(&'static str, f64)> {
+        let modes = if self.general { ALL_MODES } else { self.modes };
+        vec![
+            ("ECCENTRIC", f64::from(self.general || self.fibre.eta_layers > 1)),
+            ("MODES", f64::from(modes)),
+        ]
     }
 }
 

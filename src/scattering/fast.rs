@@ -42,6 +42,10 @@ use super::{
 /// χ = 1, 1.0 to 1.45.
 pub const DIFFUSIVITY: f64 = 1.3;
 
+/// Share of what a fibre scatters that is seen, and inclinations at which it is looked for.
+const VISIBLE: f64 = 1.0 / 512.0;
+const VISIBLE_STEPS: usize = 32;
+
 /// R, TT, TRT.
 const MODES: [Mode; 3] = [Mode::R, Mode::Tt, Mode::Trt];
 
@@ -173,6 +177,26 @@ impl<'a> Fast<'a> {
         shares.a_b = shares.a_b.map(|a| a.max(0.0));
         shares.beta_f2 = [0, 1, 2].map(|c| shares.beta_f2[c] / shares.a_f[c].max(1e-9));
         shares
+    }
+
+    /// Bits of the modes that can be seen: those that hold [`VISIBLE`] of what the fibre scatters in some channel at
+    /// some inclination. Hair loses TRT and then TT as it darkens.
+    pub fn visible_modes(&self) -> u32 {
+        let mut visible = 0;
+        for k in 0..VISIBLE_STEPS {
+            let cos = (k as f64 + 0.5) / VISIBLE_STEPS as f64;
+            let energy = MODES.map(|mode| {
+                let [whole, _] = self.tables.azimuth.energy(mode, self.fibre.eta, cos);
+                self.fibre.sigma_a.map(|s| transmitted(whole, mode, self.fibre.eta, cos, s))
+            });
+            for c in 0..3 {
+                let all: f64 = energy.iter().map(|e| e[c]).sum();
+                for (t, e) in energy.iter().enumerate() {
+                    visible |= u32::from(e[c] >= VISIBLE * all) << t;
+                }
+            }
+        }
+        visible
     }
 
     /// What the field around a point is multiplied by, J to radiance towards the eye: see the head of this

@@ -163,7 +163,13 @@ impl Occluders<'_> {
 
     /// One light (world frame): its reach at each of `points`, and the irradiance, linear RGB, that
     /// comes through the hair to each vertex of the head.
-    pub fn reach(&self, light: &SrbfLight, points: &[Vec3]) -> (Vec<Reach>, Vec<Vec3>) {
+    /// `beyond` is 0 unless `multiple` scattering asks for it.
+    pub fn reach(
+        &self,
+        light: &SrbfLight,
+        points: &[Vec3],
+        multiple: bool,
+    ) -> (Vec<Reach>, Vec<Vec3>) {
         let directions = lobe_directions(light);
         let weight = 1.0 / directions.len() as f32;
         let irradiance =
@@ -175,7 +181,9 @@ impl Occluders<'_> {
         for way in self.ways(&directions) {
             for (mean, &p) in means.iter_mut().zip(points) {
                 let (open, tau, beyond) = way.look(self.volume.to_cells(p));
-                mean.beyond += weight * (-0.5 * beyond).exp();
+                if multiple {
+                    mean.beyond += weight * (-0.5 * beyond).exp();
+                }
                 if open > 0.0 {
                     let quarter = (-0.25 * tau).exp();
                     mean.open += weight * open;
@@ -200,24 +208,28 @@ impl Occluders<'_> {
 pub struct Transport {
     /// Packed [`Reach`]: `reach[j][i]` is light j at point i.
     pub reach: Vec<Vec<u32>>,
-    /// Of each point: [`Occluders::surroundings`].
+    /// Of each point: [`Occluders::surroundings`]; 0 without multiple scattering.
     pub surroundings: Vec<u32>,
     /// Irradiance at the head's vertices, linear RGB; empty without a head.
     pub head_irradiance: Vec<Vec3>,
+    /// Look-ups of optical depth that this took: of a place along a direction.
+    pub looks: u64,
 }
 
-/// The transport of `lights` to `points` and to the head. `tick` is called once a light is done; false
+/// The transport of `lights` to `points` and to the head; without `multiple` scattering only what direct light needs.
+/// `tick` is called once a light is done; false
 /// cancels, and the result is then None.
 pub fn transport(
     occluders: &Occluders,
     lights: &[SrbfLight],
     points: &[Vec3],
+    multiple: bool,
     tick: &(dyn Fn() -> bool + Sync),
 ) -> Option<Transport> {
     let each: Option<Vec<(Vec<u32>, Vec<Vec3>)>> = lights
         .par_iter()
         .map(|light| {
-            let (reach, irradiance) = occluders.reach(light, points);
+            let (reach, irradiance) = occluders.reach(light, points, multiple);
             tick().then(|| (reach.into_iter().map(Reach::pack).collect(), irradiance))
         })
         .collect();
@@ -227,6 +239,12 @@ pub fn transport(
     for one in irradiance {
         head_irradiance.iter_mut().zip(one).for_each(|(sum, e)| *sum += e);
     }
-    let surroundings = occluders.surroundings(points, HEAD_ALBEDO);
-    Some(Transport { reach, surroundings, head_irradiance })
+    let directions: usize = lights.iter().map(|light| lobe_directions(light).len()).sum();
+    let mut looks = directions * (points.len() + vertices);
+    let mut surroundings = vec![0; points.len()];
+    if multiple {
+        surroundings = occluders.surroundings(points, HEAD_ALBEDO);
+        looks += WAYS_OUT * points.len();
+    }
+    Some(Transport { reach, surroundings, head_irradiance, looks: looks as u64 })
 }

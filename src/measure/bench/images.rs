@@ -294,7 +294,7 @@ fn fit_lights(
         srbf::fit_cached(environment, count as usize, progress)
     })?;
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let transport = bring_lights(&mut view.renderer, view.stage, &lights, &view.points, clock)?;
+    let transport = bring_lights(&mut view.renderer, view.stage, &lights, &view.points, true, clock)?;
     Ok((fit, lights, transport))
 }
 
