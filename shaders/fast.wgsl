@@ -272,6 +272,7 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
         if COUNT {
             done.single += 1u;
         }
+        set_exponent_max(arrival.direct, arrival.least);
         let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
         scattered += arrival.direct * compensated(strand.energy, m);
     }
@@ -279,6 +280,7 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
         if COUNT {
             done.global += 1u;
         }
+        set_exponent_max(max(forward.x, max(forward.y, forward.z)), arrival.least);
         let spread2 = dot(scatterings(arrival.depth, a.a_f) * a.beta_f2, vec3f(1.0 / 3.0));
         let sigma_f = sqrt(arrival.lambda * arrival.lambda + spread2);
         let m = global_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);

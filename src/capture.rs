@@ -12,6 +12,7 @@ use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
 use crate::image::write_frame;
 use crate::progress::{Clock, Reporting};
+use crate::quality::Settings;
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{self, Lens, Scattering, Scene};
 use crate::srbf::{self, SrbfLight};
@@ -20,7 +21,7 @@ use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
     TransportFigures, Work,
 };
-use crate::transport::{Occluders, Transport, transport};
+use crate::transport::{Detail, Occluders, Transport, transport};
 
 /// Pairs of a point and a light that `--verify` casts rays for.
 const VERIFIED_PAIRS: usize = 4096;
@@ -54,7 +55,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     };
     clock.step("adapter")?;
 
-    let wanted = scene.environment.lights as usize;
+    let settings = Settings::of(scene);
+    let wanted = settings.lights as usize;
     let fit = clock
         .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, wanted, progress))?;
     clock.step("fit")?;
@@ -69,13 +71,15 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         .map(|i| camera.turned(360.0 * i as f64 / count as f64).lens(center, scene.output.size))
         .collect();
     let pieces = lenses.iter().map(|lens| stage.pieces(lens)).max().unwrap_or(1);
-    let points = renderer.visible_points(&lenses, pieces, scene.render.samples)?;
+    let points = renderer.visible_points(&lenses, pieces, settings.samples)?;
     clock.step("visibility")?;
 
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
     let parts = parts(scene.render.scattering);
+    let detail = Detail { cells: settings.cells, multiple: parts.multiple() };
+    renderer.negligible = settings.negligible;
     let transport =
-        bring_lights(&mut renderer, &stage, &lights, &points, parts.multiple(), &clock)?;
+        bring_lights(&mut renderer, &stage, &lights, &points, &detail, &clock)?;
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
         &map.environment,
@@ -91,7 +95,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let bar = clock.bar("frames");
     for (index, (path, lens)) in outputs.frames.iter().zip(&lenses).enumerate() {
         let started = Instant::now();
-        let frame = renderer.render(lens, scene.render.samples, background(scene), parts)?;
+        let frame = renderer.render(lens, settings.samples, background(scene), parts)?;
         let frame_ms = 1e3 * started.elapsed().as_secs_f64();
         if clock.cancelled() {
             bail!("cancelled");
@@ -128,7 +132,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     ));
     let Some(path) = &outputs.stats else { return Ok(()) };
     let done = match lenses.last() {
-        Some(lens) => renderer.count(lens, scene.render.samples, parts)?,
+        Some(lens) => renderer.count(lens, settings.samples, parts)?,
         None => Done::default(),
     };
     let mut passes = clock.steps.clone();
@@ -175,6 +179,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             single_evaluations: done.single,
             global_evaluations: done.global,
             lobes: done.lobes,
+            head_vertices: transport.head_irradiance.len(),
             transport_looks: transport.looks,
             bytes: renderer.shading_bytes(),
         },
@@ -185,22 +190,21 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     stats.write(path)
 }
 
-/// Brings lights to the strand points `points` and to the head, and sets both; without `multiple` scattering only
-/// what direct light needs.
+/// Brings lights to the strand points `points` and to the head, and sets both.
 pub fn bring_lights(
     renderer: &mut Renderer,
     stage: &Geometry,
     lights: &[SrbfLight],
     points: &[u32],
-    multiple: bool,
+    detail: &Detail,
     clock: &Clock,
 ) -> Result<Transport> {
-    let volume = stage.density();
+    let volume = stage.density(detail.cells);
     let occluders = Occluders { volume: &volume, head: stage.head.as_ref() };
     let places: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
     let transport = clock.watch("light transport", |progress| {
         let done = AtomicUsize::new(0);
-        transport(&occluders, lights, &places, multiple, &|| {
+        transport(&occluders, lights, &places, detail.multiple, &|| {
             progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
         })
     });

@@ -85,6 +85,8 @@ pub struct Work {
     pub global_evaluations: u64,
     /// Modes joined with a light; 0 for `xu`, which does not count them.
     pub lobes: u64,
+    /// That light is brought to.
+    pub head_vertices: usize,
     /// Look-ups of optical depth for transport.
     pub transport_looks: u64,
     /// Tables, reach, lights and points that shading reads.

@@ -23,3 +23,4 @@ mod scene;
 mod srbf;
 mod transport;
 mod wgsl;
+mod work;

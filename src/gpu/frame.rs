@@ -84,8 +84,10 @@ pub struct Frame {
 }
 
 /// A light is left out at a point where less than this share of a fair part of the unshadowed irradiance
-/// arrives from it: all that is left out is at most so much of the whole.
-const NEGLIGIBLE: f64 = 1e-3;
+/// arrives from it, and a lobe of the fibre where less comes through it. What that leaves out of a frame, and of the
+/// lobes joined with lights: on the builtin bob 0.06 % (relative L2) for a third fewer under studio, 0.02 % for a
+/// quarter under sunset, 0.06 % for 45 % under night. 1e-2 would leave out 1.0, 0.4 and 0.8 % for 61, 48 and 71 %.
+pub const NEGLIGIBLE: f64 = 1e-3;
 
 /// Slot of a point whose reach is not known (shaders/shade.wgsl).
 const NO_SLOT: u32 = u32::MAX;
@@ -112,6 +114,8 @@ pub struct Renderer {
     head_corners: wgpu::Buffer,
     head_corner_count: u32,
     head_radiance: wgpu::Buffer,
+    /// [`NEGLIGIBLE`], or 0 to leave nothing out; for the lights that are set from now on.
+    pub negligible: f64,
     lights: wgpu::Buffer,
     groups: Vec<LightGroup>,
     /// Place of each point's reach, or [`NO_SLOT`], and its surroundings.
@@ -182,6 +186,7 @@ impl Renderer {
             head_corners,
             head_corner_count: corners.len() as u32,
             head_radiance,
+            negligible: NEGLIGIBLE,
             lights: storage(device, "lights", &[]),
             groups: Vec::new(),
             slots: storage(device, "slots", &[]),
@@ -255,7 +260,7 @@ impl Renderer {
                 lambda: light.lambda as f32,
                 rgb: Vec3::from(light.rgb.map(|c| c as f32)),
                 energy: lobe_integral(light.lambda) as f32,
-                least: (NEGLIGIBLE * fair / power(light).max(1e-300)).min(1.0) as f32,
+                least: (self.negligible * fair / power(light).max(1e-300)).min(1.0) as f32,
                 pad: [0.0; 3],
             })
             .collect();

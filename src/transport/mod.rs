@@ -27,7 +27,7 @@ use volume::Volume;
 
 /// Cells along the longest edge of the density volume. On sintel without its head under 24 lights of city,
 /// mean |ΔT̃| over all points is 0.057 at 64, 0.051 at 96, 0.048 at 128 and 0.043 at 256.
-pub const RESOLUTION: usize = 96;
+const RESOLUTION: usize = 96;
 /// A query steps this many cells towards the light, so that a strand does not shade itself. Over the points that a
 /// frame shows and all lights the mean ΔT̃ is −0.031, −0.011, +0.013 and +0.027 at ¼, ½, ¾ and 1, and mean |ΔT̃|
 /// 0.081, 0.078, 0.081 and 0.084 (sintel with its head, san_giuseppe_bridge; builtin bob: 0.064, 0.064, 0.069,
@@ -84,6 +84,19 @@ impl Reach {
 pub fn lobe_directions(light: &SrbfLight) -> Vec<DVec3> {
     let count = (30.0 * light.lambda.powi(2)).ceil().clamp(1.0, MAX_DIRECTIONS as f64) as usize;
     sample_lobe(light, count)
+}
+
+/// How much transport is to know.
+#[derive(Clone, Copy, Debug)]
+pub struct Detail {
+    /// Cells along the longest edge of the density volume.
+    pub cells: usize,
+    /// Whether light counts that more than one strand has scattered.
+    pub multiple: bool,
+}
+
+impl Detail {
+    pub const USUAL: Detail = Detail { cells: RESOLUTION, multiple: true };
 }
 
 /// What stands in the light's way.
