@@ -12,14 +12,14 @@ use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
 use crate::image::write_frame;
 use crate::progress::{Clock, Reporting};
-use crate::quality::Settings;
+use crate::quality::{self, Costs, Facts, Settings, TRIAL_LIGHTS};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{self, Lens, Scattering, Scene};
 use crate::srbf::{self, SrbfLight};
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 use crate::stats::{
-    Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
-    TransportFigures, Work,
+    Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Quality, Stats,
+    Timing, TransportFigures, Work,
 };
 use crate::transport::{Detail, Occluders, Transport, transport};
 
@@ -55,31 +55,54 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     };
     clock.step("adapter")?;
 
-    let settings = Settings::of(scene);
-    let wanted = settings.lights as usize;
-    let fit = clock
-        .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, wanted, progress))?;
-    clock.step("fit")?;
-
-    let method = MethodData::new(&scene.fibre.resolve(), &scene.render);
-    let mut renderer = Renderer::new(gpu, &method, &stage)?;
-    clock.step("upload")?;
-
     let count = outputs.frames.len();
     let camera = stage.camera(scene)?;
     let lenses: Vec<Lens> = (0..count)
         .map(|i| camera.turned(360.0 * i as f64 / count as f64).lens(center, scene.output.size))
         .collect();
     let pieces = lenses.iter().map(|lens| stage.pieces(lens)).max().unwrap_or(1);
+    let parts = parts(scene.render.scattering);
+
+    let fibre = scene.fibre.resolve();
+    let method = MethodData::new(&fibre, &scene.render);
+    let mut renderer = Renderer::new(gpu, &method, &stage)?;
+    clock.step("upload")?;
+
+    let fit_lights = |count: usize, clock: &Clock| {
+        clock
+            .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, count, progress))
+    };
+    let facts = |lights: &[SrbfLight]| {
+        let width_px = f64::from(stage.diameter) * lenses[0].pixels_per_unit() / lenses[0].distance;
+        Facts::new(scene, &fibre, lights, width_px, parts.multiple())
+    };
+    let mut settings = Settings::of(scene);
+    if let Some(target) = scene.render.quality {
+        let (lights, error) = quality::trial_lights(&fit_lights(TRIAL_LIGHTS, &clock)?, scene);
+        let begun = Instant::now();
+        let points = renderer.visible_points(&lenses[..1], pieces, 4)?.len();
+        let costs = Costs {
+            visibility_ms: 1e3 * begun.elapsed().as_secs_f64(),
+            pair_ns: quality::measure_pair_ns(&renderer.gpu, &method)?,
+            points,
+            split: lights.len().saturating_sub(TRIAL_LIGHTS),
+        };
+        let pick = quality::pick(scene, target, &facts(&lights), &costs, error);
+        clock.note(&pick.line(target));
+        settings = pick.settings;
+        clock.step("quality")?;
+    }
+
+    let fit = fit_lights(settings.lights as usize, &clock)?;
+    clock.step("fit")?;
+
     let points = renderer.visible_points(&lenses, pieces, settings.samples)?;
     clock.step("visibility")?;
 
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let parts = parts(scene.render.scattering);
     let detail = Detail { cells: settings.cells, multiple: parts.multiple() };
     renderer.negligible = settings.negligible;
-    let transport =
-        bring_lights(&mut renderer, &stage, &lights, &points, &detail, &clock)?;
+    let transport = bring_lights(&mut renderer, &stage, &lights, &points, &detail, &clock)?;
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
         &map.environment,
@@ -182,6 +205,11 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             head_vertices: transport.head_irradiance.len(),
             transport_looks: transport.looks,
             bytes: renderer.shading_bytes(),
+        },
+        quality: Quality {
+            settings,
+            expected: facts(&lights).expected(&settings, fit.relative_l2_blurred_0_30),
+            facts: facts(&lights),
         },
         timing: Timing { frame_ms, setup_ms, total_ms: clock.total_ms(), passes },
         memory: Memory::now(),

@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::file::write_whole;
 use crate::gpu::frame::Frame;
 use crate::image::luminance;
+use crate::quality::{Expected, Facts, Settings};
 
 #[derive(Debug, Serialize)]
 pub struct Stats {
@@ -18,6 +19,7 @@ pub struct Stats {
     pub fit: FitFigures,
     pub transport: TransportFigures,
     pub work: Work,
+    pub quality: Quality,
     pub timing: Timing,
     pub memory: Memory,
     pub image: ImageFigures,
@@ -69,6 +71,19 @@ pub struct TransportFigures {
     pub mean_abs_delta_t: Option<f64>,
     /// The same with its sign: above 0 where the frame is too bright.
     pub mean_delta_t: Option<f64>,
+}
+
+/// What the frame was made with, and the error that it is expected to have against path tracing.
+#[derive(Debug, Serialize)]
+pub struct Quality {
+    #[serde(flatten)]
+    pub settings: Settings,
+    /// Relative L2 over hair, whole and by cause.
+    #[serde(flatten)]
+    pub expected: Expected,
+    /// What that follows from.
+    #[serde(flatten)]
+    pub facts: Facts,
 }
 
 /// What the last frame took, in numbers that repeat exactly.

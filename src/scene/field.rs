@@ -116,11 +116,7 @@ impl Field {
         let value = match self.kind {
             _ if self.unset == Some(text) => Some(Value::Unset),
             Kind::Number { .. } | Kind::Integer { .. } => text.parse().ok().map(Value::Number),
-            Kind::Choice(_)
-            | Kind::Text
-            | Kind::Target
-            | Kind::Source { .. }
-            | Kind::Output(_) => {
+            Kind::Choice(_) | Kind::Text | Kind::Target | Kind::Source { .. } | Kind::Output(_) => {
                 Some(Value::Text(text.to_owned()))
             }
             Kind::Vector { .. } => list(text, ','),

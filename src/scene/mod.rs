@@ -9,8 +9,8 @@ mod camera;
 mod fibre;
 mod field;
 mod preset;
-mod target;
 mod table;
+mod target;
 
 pub use camera::{Camera, CameraSpec, Lens, Orbit, View};
 pub use fibre::{ChiangSpec, FibreSpec, Pigment};
