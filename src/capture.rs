@@ -79,10 +79,10 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let mut settings = Settings::of(scene);
     if let Some(target) = scene.render.quality {
         let (lights, error) = quality::trial_lights(&fit_lights(TRIAL_LIGHTS, &clock)?, scene);
-        let begun = Instant::now();
-        let points = renderer.visible_points(&lenses[..1], pieces, 4)?.len();
+        let (visibility_ms, points) =
+            quality::quickest(|| Ok(renderer.visible_points(&lenses[..1], pieces, 4)?.len()))?;
         let costs = Costs {
-            visibility_ms: 1e3 * begun.elapsed().as_secs_f64(),
+            visibility_ms,
             pair_ns: quality::measure_pair_ns(&renderer.gpu, &method)?,
             points,
             split: lights.len().saturating_sub(TRIAL_LIGHTS),

@@ -2,7 +2,8 @@
 //! and, for any of these, the error to expect of a frame against path tracing.
 //!
 //! The error is a relative L2 over hair, the root of the sum of squares of its causes. Each has a law of few numbers,
-//! calibrated on builtin grooms under path tracing:
+//! calibrated on the builtin bob, black, blond and white, under studio, sunset and overcast, path traced at 120×90 and
+//! at 360×240; in between nothing is known to be off by more than a factor of 2:
 //!
 //! - fit: the fit's own error after a blur of λ = 0.3. With ten lights instead of forty a frame of black hair under
 //!   studio is 4.5 % further off, and the fit 4.0 %.
@@ -68,7 +69,7 @@ const NEGLIGIBLES: [f64; 3] = [1e-3, 1e-2, 3e-2];
 /// Lights of the fit that tells how hard a map is.
 pub const TRIAL_LIGHTS: usize = 10;
 /// By which power of its lights a fit gets better.
-const FIT_POWER: f64 = 2.0;
+const FIT_POWER: f64 = 1.3;
 
 /// A frame's error by cause, each a relative L2.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -139,7 +140,10 @@ impl Facts {
         let within_strands = STRAND_ERROR * self.width_px.clamp(0.02, 0.5).powf(1.5);
         let transmittance =
             pale * self.contrast.powf(CONTRAST_POWER) * within_cell.hypot(within_strands);
-        let multiple = if self.multiple { MULTIPLE_ERROR * self.albedo } else { 0.0 };
+        let multiple = match self.multiple {
+            true => MULTIPLE_ERROR * self.albedo * self.contrast.powf(MULTIPLE_POWER),
+            false => 0.0,
+        };
         let thin = (0.1 / self.width_px.max(1e-3)).powf(0.8).clamp(0.1, 3.0);
         let coverage = pale * COVERAGE_ERROR * thin * f64::from(settings.samples).powf(-0.8);
         let integrals = match self.method {
@@ -157,8 +161,9 @@ impl Facts {
 const CELL_ERROR: f64 = 0.035;
 const STRAND_ERROR: f64 = 1.4;
 const CONTRAST_POWER: f64 = 0.5;
-/// Of a fibre that loses nothing.
-const MULTIPLE_ERROR: f64 = 0.2;
+/// Of a fibre that loses nothing, under even light.
+const MULTIPLE_ERROR: f64 = 0.16;
+const MULTIPLE_POWER: f64 = 0.65;
 /// Of black hair of a tenth of a pixel at one sample.
 const COVERAGE_ERROR: f64 = 0.85;
 
@@ -183,7 +188,7 @@ impl Costs {
     pub fn frame_ms(&self, settings: &Settings) -> f64 {
         let samples = f64::from(settings.samples.max(4)) / 4.0;
         // More samples find a few more points; of pairs of a point and a light 1e-3 keeps some two thirds.
-        let points = self.points as f64 * samples.powf(0.1);
+        let points = self.points as f64 * samples.powf(0.25);
         let kept = 0.65 - 0.1 * (settings.negligible / NEGLIGIBLE).ln() / 10f64.ln();
         // The frame rasterises what is seen alone.
         0.5 * self.visibility_ms * samples.powf(0.8)
@@ -321,11 +326,26 @@ pub fn measure_pair_ns(gpu: &Gpu, method: &MethodData) -> Result<f64> {
         })
         .collect();
     let probe = Probe::new(gpu, &statement, method, &inputs)?;
-    // The first run compiles.
-    probe.dispatch();
-    gpu.wait()?;
-    let begun = Instant::now();
-    probe.dispatch();
-    gpu.wait()?;
-    Ok(1e9 * begun.elapsed().as_secs_f64() / (POINTS * PAIRS) as f64)
+    let (ms, ()) = quickest(|| {
+        probe.dispatch();
+        gpu.wait()
+    })?;
+    Ok(1e6 * ms / (POINTS * PAIRS) as f64)
+}
+
+/// Milliseconds of the quickest of three runs, and its result; the first compiles.
+pub fn quickest<T>(mut run: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
+    let mut timed = || {
+        let begun = Instant::now();
+        let result = run()?;
+        anyhow::Ok((1e3 * begun.elapsed().as_secs_f64(), result))
+    };
+    let mut best = timed()?;
+    for _ in 0..2 {
+        let next = timed()?;
+        if next.0 < best.0 {
+            best = next;
+        }
+    }
+    Ok(best)
 }

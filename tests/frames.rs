@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 use tempfile::tempdir;
 
-fn capture(folder: &Path, arguments: &[&str]) -> Output {
+pub fn capture(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_hairlight"))
         .args(["capture", "--adapter", "cpu", "--quiet"])
         .args(arguments)

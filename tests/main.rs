@@ -13,6 +13,7 @@ mod hard_cases;
 mod measure;
 mod nodes;
 mod probe;
+mod quality;
 mod reference_cli;
 mod reference_integral;
 mod reference_marschner;
