@@ -25,6 +25,7 @@ fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum
         exact_mode(fibre, 0u, theta_o, theta_j, phi, lambda_j, kappa_j),
         exact_mode(fibre, 1u, theta_o, theta_j, phi, lambda_j, kappa_j),
         exact_mode(fibre, 2u, theta_o, theta_j, phi, lambda_j, kappa_j),
+        vec3f(),
     );
 }
 

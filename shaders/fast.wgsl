@@ -3,40 +3,20 @@
 // Way of the data: lobe_of joins a light's lobe over θ_i with M_t, node_place finds its Gauss rule; at each
 // node the inner integral over φ is a place in azimuth_table, and absorption two exponentials.
 
-// How a lobe's integrand leans towards grazing: Taper::MARSCHNER.
-const SLOPE = vec3f(1.7, 1.0, 1.0);
 const DIFFUSIVITY: f32 = 1.3;
 const MEAN_INCLINATION: f32 = 0.5;
-const COMPENSATION_MAX: f32 = 4.0;
 
-// M_t over θ_i.
-struct Lengthwise {
-    centre: f32,
-    lambda: f32,
-    slope: f32,
-}
+// The fibre is a file of its own, marschner.wgsl or deon.wgsl, which defines SLOPE, Lengthwise, lengthwise, own_blur,
+// sight and energy_compensation.
 
-fn lengthwise(fibre: Fibre, theta_o: f32, t: u32) -> Lengthwise {
-    return Lengthwise(2.0 * fibre.alpha[t] - theta_o, fibre.lambda[t], SLOPE[t]);
-}
-
-// Loops that run once: see resolve.wgsl.
-
-// A node of ∫G M_t cos²θ_i/cos²θ_d … dθ_i.
+// A node of ∫G M_t … dθ_i.
 struct Sight {
     cos_i: f32,
-    cos_d: f32,
+    cos_path: f32,  // cosine of the inclination that A_t follows from
     weight: f32,    // M_t, the projection and the light's e^exponent over θ_i included
 }
 
-fn sight(theta_o: f32, m: Lengthwise, node: Node, exponent: f32) -> Sight {
-    let cos_i = max(cos_near(node.theta), 0.0);
-    let cos_d = max(cos_near(0.5 * (theta_o - node.theta)), 1e-6);
-    let ratio = cos_i / cos_d;
-    let x = (node.theta - m.centre) / m.lambda;
-    let weight = node.weight * exp(exponent - x * x) / (SQRT_PI * m.lambda) * min(ratio * ratio, 4.0);
-    return Sight(cos_i, cos_d, weight);
-}
+// Loops that run once: see resolve.wgsl.
 
 // η among the layers of the table; a round fibre has one.
 struct EtaPlace {
@@ -52,6 +32,40 @@ fn eta_place(fibre: Fibre, eta: f32) -> EtaPlace {
     let layers = fibre.eta_layers;
     let row = row_of((eta - fibre.eta_low) * fibre.eta_per_layer / f32(layers - 1u), layers);
     return EtaPlace(eta, row.first * AZIMUTH_SIZE, row.f);
+}
+
+// Four weights of P_t.
+fn weights_at(eta: EtaPlace, grid: AzimuthGrid, cos_path: f32, column: Row, layer: f32) -> vec4f {
+    let weights = azimuth(grid, eta.base, cos_path, column, layer);
+    if ECCENTRIC {
+        return mix(weights, azimuth(grid, eta.base + AZIMUTH_SIZE, cos_path, column, layer), eta.f);
+    }
+    return weights;
+}
+
+// Four weights of 𝒩^G_t.
+fn global_weights(eta: EtaPlace, t: u32, cos_path: f32, column: Row) -> vec4f {
+    let weights = azimuth_global(eta.base, t, cos_path, column);
+    if ECCENTRIC {
+        return mix(weights, azimuth_global(eta.base + AZIMUTH_SIZE, t, cos_path, column), eta.f);
+    }
+    return weights;
+}
+
+// Four weights of E_t, or of its forward share.
+fn energy_weights(eta: EtaPlace, entry: u32, cos_theta: f32) -> vec4f {
+    let weights = azimuth_energy(eta.base, entry, cos_theta);
+    if ECCENTRIC {
+        return mix(weights, azimuth_energy(eta.base + AZIMUTH_SIZE, entry, cos_theta), eta.f);
+    }
+    return weights;
+}
+
+// E of all paths longer than TRRT.
+fn rest_energy(fibre: Fibre, cos_theta: f32) -> vec3f {
+    let eta = eta_place(fibre, fibre.eta);
+    return transmitted(energy_weights(eta, 8u, cos_theta), 1.0, azimuth_rest_absorption(eta.eta, cos_theta),
+        fibre.sigma_a);
 }
 
 // η, or of an eccentric fibre's TRT the mean of η*(φ_h).
@@ -78,16 +92,21 @@ fn light_exponent(light: Lobewise, theta_i: f32) -> f32 {
 fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum: f32, lambda_j: f32) -> Modes {
     let kappa = concentration(lambda_j) * max(cos(theta_j), 0.0);
     let light = Lobewise(theta_j, lambda_j, kappa, cos_sum, azimuth_columns(phi));
-    return Modes(
+    var modes = Modes(
         vec3f(single_r(fibre, theta_o, light)),
-        single_inside(fibre, theta_o, light, 1u, AZIMUTH_TT, light.columns.tt, 0.0),
-        single_inside(fibre, theta_o, light, 2u, AZIMUTH_TRT, light.columns.trt, fibre.blur),
+        single_inside(fibre, theta_o, light, 1u, AZIMUTH_TT, light.columns.tt),
+        single_inside(fibre, theta_o, light, 2u, AZIMUTH_TRT, light.columns.trt),
+        vec3f(),
     );
+    if LONGER {
+        modes.longer = single_inside(fibre, theta_o, light, 3u, AZIMUTH_TRRT, light.columns.trrt);
+    }
+    return modes;
 }
 
 fn single_r(fibre: Fibre, theta_o: f32, light: Lobewise) -> f32 {
     let m = lengthwise(fibre, theta_o, 0u);
-    let lobe = lobe_of(theta_o, light.theta, light.lambda, m.centre, m.lambda, m.slope);
+    let lobe = lobe_of(theta_o, light.theta, light.lambda, m.centre, m.lambda, SLOPE.x);
     var sum = 0.0;
     for (var lit = lobe_share(lobe) > 0.0; lit; lit = false) {
         let place = node_place(lobe);
@@ -96,10 +115,10 @@ fn single_r(fibre: Fibre, theta_o: f32, light: Lobewise) -> f32 {
             let node = node_at(place, k);
             let at = sight(theta_o, m, node, light_exponent(light, node.theta));
             let kappa = light.kappa * at.cos_i;
-            let layer = azimuth_layer(kappa, 0.0);
-            var p = azimuth_r(eta.base, at.cos_d, light.columns.r, layer);
+            let layer = azimuth_layer(kappa, own_blur(fibre, 0u));
+            var p = azimuth_r(eta.base, at.cos_path, light.columns.r, layer);
             if ECCENTRIC {
-                p = mix(p, azimuth_r(eta.base + AZIMUTH_SIZE, at.cos_d, light.columns.r, layer), eta.f);
+                p = mix(p, azimuth_r(eta.base + AZIMUTH_SIZE, at.cos_path, light.columns.r, layer), eta.f);
             }
             sum += at.weight * circular_integral(kappa) * p;
         }
@@ -107,10 +126,10 @@ fn single_r(fibre: Fibre, theta_o: f32, light: Lobewise) -> f32 {
     return lobe_share(lobe) * sum;
 }
 
-// A mode of t crossings, 1 or 2.
-fn single_inside(fibre: Fibre, theta_o: f32, light: Lobewise, t: u32, grid: AzimuthGrid, column: Row, blur: f32) -> vec3f {
+// A mode of t crossings, 1 or 2; or 3: TRRT and, over an even azimuth, all that is longer.
+fn single_inside(fibre: Fibre, theta_o: f32, light: Lobewise, t: u32, grid: AzimuthGrid, column: Row) -> vec3f {
     let m = lengthwise(fibre, theta_o, t);
-    let lobe = lobe_of(theta_o, light.theta, light.lambda, m.centre, m.lambda, m.slope);
+    let lobe = lobe_of(theta_o, light.theta, light.lambda, m.centre, m.lambda, SLOPE[t]);
     var sum = vec3f();
     for (var lit = has_mode(t) && lobe_share(lobe) > 0.0; lit; lit = false) {
         let place = node_place(lobe);
@@ -119,17 +138,17 @@ fn single_inside(fibre: Fibre, theta_o: f32, light: Lobewise, t: u32, grid: Azim
             let node = node_at(place, k);
             let at = sight(theta_o, m, node, light_exponent(light, node.theta));
             let kappa = light.kappa * at.cos_i;
-            let layer = azimuth_layer(kappa, blur);
+            let layer = azimuth_layer(kappa, own_blur(fibre, t));
             if ECCENTRIC && t == 2u {
                 // η̄* of Eq 24–26.
                 let mean_cos = (1.0 - mean_cosine_deficit(kappa)) * light.cos_sum;
                 eta = eta_place(fibre, max(fibre.eta_star.x + fibre.eta_star.y * mean_cos, 1.0));
             }
-            var weights = azimuth(grid, eta.base, at.cos_d, column, layer);
-            if ECCENTRIC {
-                weights = mix(weights, azimuth(grid, eta.base + AZIMUTH_SIZE, at.cos_d, column, layer), eta.f);
+            let weights = weights_at(eta, grid, at.cos_path, column, layer);
+            var p = transmitted(weights, f32(t), azimuth_absorption(eta.eta, at.cos_path), fibre.sigma_a);
+            if t == 3u {
+                p += rest_energy(fibre, at.cos_path) / TWO_PI;
             }
-            let p = transmitted(weights, f32(t), azimuth_absorption(eta.eta, at.cos_d), fibre.sigma_a);
             sum += at.weight * circular_integral(kappa) * p;
         }
     }
@@ -140,15 +159,25 @@ fn single_inside(fibre: Fibre, theta_o: f32, light: Lobewise, t: u32, grid: Azim
 // direction. σ_f is a bandwidth of θ.
 fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f: f32) -> Modes {
     let v = 0.5 * sigma_f * sigma_f;
-    // v(1 − e^{−2/v}) is 2 − 2/v + … for a wide spread, where it cancels.
-    let normaliser = select(v * (1.0 - exp(-2.0 / v)), 2.0 - (2.0 - 4.0 / (3.0 * v)) / v, v > 40.0);
-    let spread = Spread(theta_j, sigma_f, cos_near(theta_j) / v, 1.0 / (TWO_PI * normaliser));
+    let spread = Spread(theta_j, sigma_f, cos_near(theta_j) / v, von_mises_scale(v));
     let column = row_of(abs(phi) / PI, AZIMUTH_GLOBAL_COLUMNS);
-    return Modes(
+    var modes = Modes(
         global_mode(fibre, theta_o, spread, column, 0u),
         global_mode(fibre, theta_o, spread, column, 1u),
         global_mode(fibre, theta_o, spread, column, 2u),
+        vec3f(),
     );
+    if LONGER {
+        modes.longer = global_mode(fibre, theta_o, spread, column, 3u);
+    }
+    return modes;
+}
+
+// 1/2πv(1−e^{−2/v}): what makes exp((cos x − 1)/v) a density over the sphere.
+fn von_mises_scale(v: f32) -> f32 {
+    // v(1−e^{−2/v}) is 2 − 2/v + … for a wide lobe, where it cancels.
+    let normaliser = select(v * (1.0 - exp(-2.0 / v)), 2.0 - (2.0 - 4.0 / (3.0 * v)) / v, v > 40.0);
+    return 1.0 / (TWO_PI * normaliser);
 }
 
 // ψ_f over θ_i: `spread` of the twin.
@@ -161,7 +190,7 @@ struct Spread {
 
 fn global_mode(fibre: Fibre, theta_o: f32, spread: Spread, column: Row, t: u32) -> vec3f {
     let m = lengthwise(fibre, theta_o, t);
-    let lobe = lobe_of(theta_o, spread.theta, spread.sigma, m.centre, m.lambda, m.slope);
+    let lobe = lobe_of(theta_o, spread.theta, spread.sigma, m.centre, m.lambda, SLOPE[t]);
     var sum = vec3f();
     for (var lit = has_mode(t) && lobe_share(lobe) > 0.0; lit; lit = false) {
         let place = node_place(lobe);
@@ -171,48 +200,18 @@ fn global_mode(fibre: Fibre, theta_o: f32, spread: Spread, column: Row, t: u32) 
             let s = 2.0 * sin_near(0.5 * (node.theta - spread.theta)) / spread.sigma;
             let at = sight(theta_o, m, node, -s * s);
             let weight = at.weight * spread.scale * circular_integral(max(spread.kappa * at.cos_i, 0.0));
-            var weights = azimuth_global(eta.base, t, at.cos_d, column);
-            if ECCENTRIC {
-                weights = mix(weights, azimuth_global(eta.base + AZIMUTH_SIZE, t, at.cos_d, column), eta.f);
-            }
+            let weights = global_weights(eta, t, at.cos_path, column);
             if t == 0u {
                 sum += weight * weights.x;
             } else {
-                sum += weight * transmitted(weights, f32(t), azimuth_absorption(eta.eta, at.cos_d), fibre.sigma_a);
+                sum += weight * transmitted(weights, f32(t), azimuth_absorption(eta.eta, at.cos_path), fibre.sigma_a);
+            }
+            if t == 3u {
+                sum += weight * rest_energy(fibre, at.cos_path) / TWO_PI;
             }
         }
     }
     return lobe_share(lobe) * sum;
-}
-
-// Four weights of E_t, or of its forward share.
-fn energy_weights(eta: EtaPlace, entry: u32, cos_theta: f32) -> vec4f {
-    let weights = azimuth_energy(eta.base, entry, cos_theta);
-    if ECCENTRIC {
-        return mix(weights, azimuth_energy(eta.base + AZIMUTH_SIZE, entry, cos_theta), eta.f);
-    }
-    return weights;
-}
-
-// C_t(θ_o) of R, TT, TRT.
-fn energy_compensation(fibre: Fibre, theta_o: f32) -> vec3f {
-    var energy = vec3f();
-    for (var t = 0u; t < 3u; t++) {
-        let eta = mean_eta(fibre, t);
-        let m = lengthwise(fibre, theta_o, t);
-        let place = node_place(lobe_of(theta_o, 0.0, 1e3, m.centre, m.lambda, m.slope));
-        var kept = 0.0;
-        for (var k = 0u; k < fibre.nodes; k++) {
-            let at = sight(theta_o, m, node_at(place, k), 0.0);
-            kept += at.weight * clear_energy(eta, t, at.cos_d);
-        }
-        energy[t] = min(clear_energy(eta, t, cos(theta_o)) / max(kept, 1e-30), COMPENSATION_MAX);
-    }
-    return energy;
-}
-
-fn clear_energy(eta: EtaPlace, t: u32, cos_theta: f32) -> f32 {
-    return max(dot(energy_weights(eta, 2u * t, max(cos_theta, 0.0)), vec4f(1.0)), 1e-9);
 }
 
 // Shares of the light along an inclination that a strand scatters.
@@ -235,11 +234,19 @@ fn shares(fibre: Fibre, theta: f32) -> Shares {
     let forward_trt = first * first * absorbed(energy_weights(eta, 5u, cos_theta), r * r);
     let whole = vec3f(reflected.x) + first * absorbed(energy_weights(eta, 2u, cos_theta), r)
         + first * first * absorbed(energy_weights(eta, 4u, cos_theta), r * r);
-    let a_f = max(vec3f(reflected.y) + forward_tt + forward_trt, vec3f());
+    var forward_longer = vec3f();
+    var longer = vec3f();
+    if LONGER {
+        let third = first * first * first;
+        let rest = rest_energy(fibre, cos_theta);
+        forward_longer = third * absorbed(energy_weights(eta, 7u, cos_theta), r * r * r) + 0.5 * rest;
+        longer = third * absorbed(energy_weights(eta, 6u, cos_theta), r * r * r) + rest;
+    }
+    let a_f = max(vec3f(reflected.y) + forward_tt + forward_trt + forward_longer, vec3f());
     // (2√2 β)² = λ_M².
     let square = fibre.lambda * fibre.lambda;
-    let beta_f2 = reflected.y * square.x + forward_tt * square.y + forward_trt * square.z;
-    return Shares(a_f, max(whole - a_f, vec3f()), beta_f2 / max(a_f, vec3f(1e-9)));
+    let beta_f2 = reflected.y * square.x + forward_tt * square.y + (forward_trt + forward_longer) * square.z;
+    return Shares(a_f, max(whole + longer - a_f, vec3f()), beta_f2 / max(a_f, vec3f(1e-9)));
 }
 
 struct Strand {

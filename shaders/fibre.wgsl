@@ -8,7 +8,7 @@ struct Fibre {
     lambda: vec3f,        // bandwidth 2√2 β_t of M_t over θ_i
     nodes: u32,           // `fast`: over θ_i, 2 to 4; `xu`: the segments m ≥ 2
     sigma_a: vec3f,       // absorption per radius
-    blur: f32,            // 1−⟨cos⟩ of TRT's own blur w_c
+    blur: f32,            // 1−⟨cos⟩ of the fibre's own blur: TRT's w_c, or of all d'Eon's lobes
     eta_star: vec2f,      // η*(φ_h) = x + y cos 2φ_h, Eq 24
     eta_low: f32,         // η̄* of a table's first layer
     eta_per_layer: f32,   // layers per unit of η̄*, 0 for a round fibre
@@ -18,6 +18,7 @@ struct Fibre {
 
 // What a scene lacks costs nothing: set when the pipeline is made.
 override ECCENTRIC: bool = true;
+override LONGER: bool = true;   // paths longer than TRT
 override MODES: u32 = 15u;      // bit t: mode t is bright enough to be seen
 override PARTS: u32 = 7u;       // SINGLE | GLOBAL | LOCAL
 override COUNT: bool = false;   // whether work is counted
@@ -49,10 +50,11 @@ struct Modes {
     r: vec3f,
     tt: vec3f,
     trt: vec3f,
+    longer: vec3f,  // TRRT and all that is longer, in fibres that have it
 }
 
 fn compensated(energy: vec3f, modes: Modes) -> vec3f {
-    return energy.x * modes.r + energy.y * modes.tt + energy.z * modes.trt;
+    return energy.x * modes.r + energy.y * modes.tt + energy.z * modes.trt + modes.longer;
 }
 
 // Four numbers of an entry.

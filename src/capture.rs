@@ -37,6 +37,7 @@ pub struct CaptureOptions {
 pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let outputs = Outputs::new(scene)?;
+    let method = MethodData::new(&scene.fibre, &scene.render)?;
     let stage = Geometry::load(scene)?;
     let Geometry { hair, center, .. } = &stage;
     let center = *center;
@@ -64,7 +65,6 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let parts = parts(scene.render.scattering);
 
     let fibre = scene.fibre.resolve();
-    let method = MethodData::new(&fibre, &scene.render);
     let mut renderer = Renderer::new(gpu, &method, &stage)?;
     clock.step("upload")?;
 
@@ -74,7 +74,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     };
     let facts = |lights: &[SrbfLight]| {
         let width_px = f64::from(stage.diameter) * lenses[0].pixels_per_unit() / lenses[0].distance;
-        Facts::new(scene, &fibre, lights, width_px, parts.multiple())
+        Facts::new(&fibre, method.integrator, lights, width_px, parts.multiple())
     };
     let mut settings = Settings::of(scene);
     if let Some(target) = scene.render.quality {

@@ -21,8 +21,9 @@
 //! - `dual`: `theta` → `a_f`, `a_b`, `alpha_f`, `alpha_b`, `beta_f`, `beta_b`, `A_b`, `delta_b`, `sigma_b`,
 //!   angles of θ_h; `A_b` is the whole series (`reference/averages.rs`).
 //!
-//! [`Method::Exact`] is `reference`. The others are what the renderer computes, for marschner alone: its f64 twin
-//! on the CPU or its own WGSL on the GPU, without energy compensation. They have no value per direction, so
+//! [`Method::Exact`] is `reference`. The others are what the renderer computes, `fast` for marschner and for deon, whose
+//! A_p it takes at θ_o, `xu` for marschner alone: its f64 twin on the CPU or its own WGSL on the GPU, without energy
+//! compensation. They have no value per direction, so
 //! `bcsdf` is their answer to a light of λ_j = 0.01 and unit energy, and has no pdf; of `dual` they hold `a_f`,
 //! `a_b`, `beta_f`, and `xu` also `A_b`, `delta_b`, `sigma_b`, and the result has those columns only.
 
@@ -34,9 +35,9 @@ use std::str::FromStr;
 use anyhow::{Context, Result, bail, ensure};
 use rayon::prelude::*;
 
-use crate::gpu::method::MethodData;
+use crate::gpu::method::{Integrator, MethodData};
 use crate::reference::{
-    Bcsdf, DEON_LOBES,
+    DEON_LOBES,
     averages::averages,
     chiang::Chiang,
     deon::Deon,
@@ -49,9 +50,10 @@ use crate::scattering::{
     fast::{self, Fast},
     fibre::Fibre,
     gaussian,
+    model::Model,
     xu::{Modes, Xu},
 };
-use crate::scene::{self, Energies};
+use crate::scene::{Bcsdf, Energies};
 
 /// What is computed for each row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,25 +103,23 @@ pub struct Options<'a> {
 }
 
 /// The outputs of a [`Request`] for each of the inputs, computed by the renderer for one fibre, with
-/// [`SEGMENTS`] or [`NODES`] and without energy compensation.
+/// [`SEGMENTS`] or [`Model::nodes`] and without energy compensation.
 pub type Gpu<'a> = dyn Fn(&Fibre, Request, &[[f32; 8]]) -> Result<Vec<[f32; 12]>> + 'a;
 
-/// Segments m of the quadrature of `xu`, nodes of `fast`.
+/// Segments m of the quadrature of `xu`.
 pub const SEGMENTS: u32 = 4;
-/// See [`SEGMENTS`].
-pub const NODES: u32 = 2;
 
 /// A function of the renderer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
     pub quantity: Quantity,
-    pub method: scene::Method,
+    pub integrator: Integrator,
 }
 
 /// What a [`Request`] asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// (θ_o, θ_j, φ_o−φ_j, cos(φ_o+φ_j), λ_j) → R, TT, TRT, RGB each.
+    /// (θ_o, θ_j, φ_o−φ_j, cos(φ_o+φ_j), λ_j) → R, TT, TRT and longer paths, RGB each.
     SingleScattering,
     /// (θ) → ā_f, ā_b, β̄_f², and of `xu` Ā_b, Δ̄_b, σ̄_b, of the first channel, in the renderer's units.
     Averages,
@@ -128,16 +128,16 @@ pub enum Quantity {
 impl Request {
     /// WGSL that reads `x: array<vec4f, 2>` and sets `y: array<vec4f, 3>`.
     pub fn statement(self) -> &'static str {
-        match (self.quantity, self.method) {
+        match (self.quantity, self.integrator) {
             (Quantity::SingleScattering, _) => {
                 "let m = single_scattering(fibre, x[0].x, x[0].y, x[0].z, x[0].w, x[1].x);
-                y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2].x = m.trt.z;"
+                y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2] = vec4f(m.trt.z, m.longer);"
             }
-            (Quantity::Averages, scene::Method::Fast) => {
+            (Quantity::Averages, Integrator::Fast(_)) => {
                 "let a = shares(fibre, x[0].x);
                 y[0] = vec4f(a.a_f.x, a.a_b.x, a.beta_f2.x, 0.0);"
             }
-            (Quantity::Averages, scene::Method::Xu) => {
+            (Quantity::Averages, Integrator::Xu) => {
                 "let a = averages(x[0].x);
                 y[0] = vec4f(a.a_f.x, a.a_b.x, a.beta_f2.x, a.A_b.x);
                 y[1] = vec4f(a.delta_b, a.sigma_b, 0.0, 0.0);"
@@ -147,21 +147,21 @@ impl Request {
 
     /// What the statement runs with, for one fibre.
     pub fn data(self, fibre: &Fibre) -> MethodData {
-        match self.method {
-            scene::Method::Fast => MethodData::fast(fibre, NODES),
-            scene::Method::Xu => MethodData::xu(fibre, SEGMENTS, Energies::Quadrature),
+        match self.integrator {
+            Integrator::Fast(model) => MethodData::fast(fibre, model, model.nodes()),
+            Integrator::Xu => MethodData::xu(fibre, SEGMENTS, Energies::Quadrature),
         }
     }
 
     /// The same by the f64 twin.
     fn twins(self, fibre: &Fibre, inputs: &[[f64; 8]]) -> Vec<[f64; 12]> {
-        let modes = |m: Modes| [m.r, m.tt, m.trt].as_flattened().to_vec();
+        let modes = |m: Modes| [m.r, m.tt, m.trt, m.longer].as_flattened().to_vec();
         let single = self.quantity == Quantity::SingleScattering;
         let padded = |y: Vec<f64>| std::array::from_fn(|k| y.get(k).copied().unwrap_or(0.0));
-        match self.method {
-            scene::Method::Fast => {
-                let tables = fast::Tables::new(fibre, NODES as usize);
-                let fast = Fast::new(fibre, &tables);
+        match self.integrator {
+            Integrator::Fast(model) => {
+                let tables = fast::Tables::new(fibre, model, model.nodes() as usize);
+                let fast = Fast::new(fibre, model, &tables);
                 let of = |x: &[f64; 8]| {
                     if single {
                         return modes(fast.single_scattering(x[0], x[1], x[2], x[3], x[4]));
@@ -171,7 +171,7 @@ impl Request {
                 };
                 inputs.par_iter().map(|x| padded(of(x))).collect()
             }
-            scene::Method::Xu => {
+            Integrator::Xu => {
                 let xu = Xu::new(fibre, SEGMENTS, Energy::Quadrature);
                 let of = |x: &[f64; 8]| {
                     if single {
@@ -360,8 +360,12 @@ pub fn run(
         "the GPU has the renderer's methods only: give --on cpu for the exact one"
     );
     ensure!(
-        method == Method::Exact || options.model == Bcsdf::Marschner,
-        "the renderer's methods are made for marschner: give --model marschner, or the exact method"
+        match method {
+            Method::Exact => true,
+            Method::Fast => options.model != Bcsdf::Chiang,
+            Method::Xu => options.model == Bcsdf::Marschner,
+        },
+        "fast is made for marschner and deon, xu for marschner alone: give another --model, or the exact method"
     );
     ensure!(
         function != Function::Dual || options.model != Bcsdf::Chiang,
@@ -390,7 +394,7 @@ pub fn run(
             .collect::<Result<_>>()?,
         Method::Fast | Method::Xu => fibres
             .iter()
-            .map(|group| renderers(function, method, options.gpu, &of(group)))
+            .map(|group| renderers(function, method, options, &of(group)))
             .collect::<Result<_>>()?,
     };
     let mut ordered: Vec<(usize, Vec<f64>)> =
@@ -548,7 +552,7 @@ fn exact_dual(fibre: &dyn FibreModel, row: &Row) -> Vec<f64> {
 fn renderers(
     function: Function,
     method: Method,
-    gpu: Option<&Gpu>,
+    options: &Options,
     rows: &[&Row],
 ) -> Result<Vec<Vec<f64>>> {
     let Some(first) = rows.first() else { return Ok(Vec::new()) };
@@ -556,16 +560,24 @@ fn renderers(
         Function::Bcsdf | Function::Srbf => Quantity::SingleScattering,
         Function::Dual => Quantity::Averages,
     };
-    let own = if method == Method::Xu { scene::Method::Xu } else { scene::Method::Fast };
-    let request = Request { quantity, method: own };
+    let mut fibre = first.fibre();
+    let integrator = match (method, options.model) {
+        (Method::Xu, _) => Integrator::Xu,
+        (_, Bcsdf::Deon) => {
+            fibre.w_c = SQRT_2 * first.beta_n();
+            Integrator::Fast(Model::Deon)
+        }
+        _ => Integrator::Fast(Model::Marschner),
+    };
+    let request = Request { quantity, integrator };
     let inputs: Vec<[f64; 8]> = rows.iter().map(|row| input_of(function, row)).collect();
-    let outputs: Vec<[f64; 12]> = match gpu {
+    let outputs: Vec<[f64; 12]> = match options.gpu {
         Some(gpu) => {
             let inputs: Vec<_> = inputs.iter().map(|x| x.map(|x| x as f32)).collect();
-            let outputs = gpu(&first.fibre(), request, &inputs)?;
+            let outputs = gpu(&fibre, request, &inputs)?;
             outputs.into_iter().map(|y| y.map(f64::from)).collect()
         }
-        None => request.twins(&first.fibre(), &inputs),
+        None => request.twins(&fibre, &inputs),
     };
     let count = results(function, method).len();
     Ok(outputs.iter().map(|y| output_of(function, y)[..count].to_vec()).collect())
@@ -588,7 +600,7 @@ fn output_of(function: Function, y: &[f64; 12]) -> Vec<f64> {
     match function {
         Function::Bcsdf => {
             let energy = gaussian::srbf_integral(NARROW);
-            (0..3).map(|c| (y[c] + y[3 + c] + y[6 + c]) / energy).collect()
+            (0..3).map(|c| (0..4).map(|p| y[3 * p + c]).sum::<f64>() / energy).collect()
         }
         Function::Srbf => vec![y[0], y[3], y[6]],
         // From bandwidths and shifts of θ_i+θ_o to standard deviations and shifts of θ_h.

@@ -26,11 +26,12 @@ use serde::Serialize;
 
 use crate::gpu::Gpu;
 use crate::gpu::frame::NEGLIGIBLE;
-use crate::gpu::method::MethodData;
+use crate::gpu::method::{Integrator, MethodData};
 use crate::gpu::probe::{INPUTS, Probe};
 use crate::scattering::fast::{Fast, MEAN_INCLINATION, Tables};
 use crate::scattering::fibre::Fibre;
-use crate::scene::{Method, Scene, Target};
+use crate::scattering::model::Model;
+use crate::scene::{Scene, Target};
 use crate::srbf::{self, Fit, SrbfLight};
 use crate::stage::place_lights;
 use crate::transport::Detail;
@@ -113,22 +114,25 @@ pub struct Facts {
     #[serde(skip)]
     pub multiple: bool,
     #[serde(skip)]
-    pub method: Method,
+    pub integrator: Integrator,
 }
 
 impl Facts {
     pub fn new(
-        scene: &Scene,
         fibre: &Fibre,
+        integrator: Integrator,
         lights: &[SrbfLight],
         width_px: f64,
         multiple: bool,
     ) -> Self {
-        let tables = Tables::new(fibre, 2);
-        let shares = Fast::new(fibre, &tables).shares(MEAN_INCLINATION);
+        let model = match integrator {
+            Integrator::Fast(model) => model,
+            Integrator::Xu => Model::Marschner,
+        };
+        let tables = Tables::new(fibre, model, 2);
+        let shares = Fast::new(fibre, model, &tables).shares(MEAN_INCLINATION);
         let albedo = (0..3).map(|c| shares.a_f[c] + shares.a_b[c]).sum::<f64>() / 3.0;
-        let method = scene.render.method;
-        Facts { contrast: contrast(lights), albedo, width_px, multiple, method }
+        Facts { contrast: contrast(lights), albedo, width_px, multiple, integrator }
     }
 
     /// The error of a frame whose fit is `fit` off.
@@ -146,9 +150,9 @@ impl Facts {
         };
         let thin = (0.1 / self.width_px.max(1e-3)).powf(0.8).clamp(0.1, 3.0);
         let coverage = pale * COVERAGE_ERROR * thin * f64::from(settings.samples).powf(-0.8);
-        let integrals = match self.method {
-            Method::Xu => 0.1,
-            _ => 0.006,
+        let integrals = match self.integrator {
+            Integrator::Xu => 0.1,
+            Integrator::Fast(_) => 0.006,
         };
         let skipping = settings.negligible;
         let causes = [fit, integrals, transmittance, multiple, coverage, skipping];
@@ -259,7 +263,7 @@ impl Pick {
     pub fn line(&self, target: Target) -> String {
         let Settings { lights, samples, cells, negligible } = self.settings;
         let wanted = match target {
-            Target::Error(e) => format!("an error of {:.3} %", 100.0 * e),
+            Target::Error(e) => format!("an error of {:.1} %", 100.0 * e),
             Target::FrameMs(ms) => format!("{ms} ms"),
         };
         let short = match target {

@@ -20,6 +20,7 @@ use hairlight::scattering::{
     azimuthal::{attenuation, effective_absorption, exit_azimuth, inverse_eta_prime, wrap},
     fibre::Fibre,
     gaussian::{concentration, erf, g_circular_integral},
+    model::Model,
     quadrature::GaussLegendre,
 };
 
@@ -186,7 +187,7 @@ fn finite_and_not_negative_everywhere() {
 fn the_shader_is_the_table() {
     let gpu = Gpu::new("cpu").expect("a CPU adapter (lavapipe)");
     let table = AzimuthTable::over(1.5, 1.6, 2);
-    let mut method = MethodData::fast(&fibre(), 2);
+    let mut method = MethodData::fast(&fibre(), Model::Marschner, 2);
     method.tables[0] = bytemuck::cast_slice(table.to_gpu()).to_vec();
     let statement = "let cos_theta_d = x[0].x; let phi = x[0].y; let sigma_a = vec3f(x[0].w);
         let columns = azimuth_columns(phi); let layer = azimuth_layer(x[0].z, x[1].x);

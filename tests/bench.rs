@@ -104,7 +104,7 @@ fn exact_wgsl_is_the_exact_integral() {
     // Relative L2 of each mode and colour.
     let errors = |method: &Method, fibre: &Fibre| -> Vec<f64> {
         let data = method.exact_single(fibre, &tables).expect("a shader of this model");
-        let request = Request { quantity: Quantity::SingleScattering, method: data.method };
+        let request = Request { quantity: Quantity::SingleScattering, integrator: data.integrator };
         let values = run(&gpu, request.statement(), &data, &inputs).expect("the probe runs");
         (0..9)
             .map(|k| {

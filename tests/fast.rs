@@ -1,23 +1,27 @@
 //! The `fast` method against the exact integrals, its shaders against their twins.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, SQRT_2};
 
 use hairlight::gpu::{Gpu, method::MethodData};
 use hairlight::reference::integral::{Light, srbf_integral};
-use hairlight::reference::{marschner::Marschner, model::Direction};
+use hairlight::reference::{
+    deon::Deon,
+    marschner::Marschner,
+    model::{Direction, FibreModel},
+};
 use hairlight::scattering::{
+    azimuth_table::Mode,
     azimuthal::Energy,
     fast::{Fast, Tables},
     fibre::Fibre,
     longitudinal,
+    model::Model,
     xu::{Modes, Xu},
 };
 use hairlight::scene::Energies;
 use rayon::prelude::*;
 
-use super::wgsl::{
-    Case, GLOBAL, SINGLE, check, cpu, flat, low_discrepancy, scattering_input, worst,
-};
+use super::wgsl::{Case, GLOBAL, SINGLE, check, cpu, low_discrepancy, scattering_input, worst};
 
 fn fibre(eta: f64, sigma_a: f64, beta_r_deg: f64) -> Fibre {
     let radians = |x: [f64; 3]| x.map(f64::to_radians);
@@ -31,30 +35,35 @@ fn fibre(eta: f64, sigma_a: f64, beta_r_deg: f64) -> Fibre {
     }
 }
 
-/// Relative L2 error of R, TT, TRT over `places` (θ_o, θ_j, φ) of one setting.
+/// A method's values of R, TT, TRT and longer paths, first channel.
+fn first(modes: Modes) -> [f64; 4] {
+    [modes.r[0], modes.tt[0], modes.trt[0], modes.longer[0]]
+}
+
+/// Relative L2 error of R, TT, TRT and longer paths over `places` (θ_o, θ_j, φ) of one setting; 0 of what a fibre
+/// lacks.
 fn error(
-    fibre: &Fibre,
+    model: &dyn FibreModel,
     lambda_j: f64,
     places: &[[f64; 3]],
     method: impl Fn([f64; 3]) -> Modes + Sync,
-) -> [f64; 3] {
-    let model = Marschner::new(fibre);
-    let sums: Vec<[[f64; 2]; 3]> = places
+) -> [f64; 4] {
+    let sums: Vec<[[f64; 2]; 4]> = places
         .par_iter()
         .map(|&[theta_o, theta_j, phi]| {
             let o = Direction::new(theta_o, 0.0);
             let light = Light { theta: theta_j, phi, lambda: lambda_j };
-            let got = method([theta_o, theta_j, phi]);
-            let got = [got.r[0], got.tt[0], got.trt[0]];
+            let got = first(method([theta_o, theta_j, phi]));
             std::array::from_fn(|p| {
-                let exact = srbf_integral(&model, p, &o, &light).value[0];
+                let lobes = if p < 3 { p..p + 1 } else { 3..model.lobes() };
+                let exact: f64 = lobes.map(|p| srbf_integral(model, p, &o, &light).value[0]).sum();
                 [(got[p] - exact).powi(2), exact * exact]
             })
         })
         .collect();
     std::array::from_fn(|p| {
         let sum = |k: usize| sums.iter().map(|s| s[p][k]).sum::<f64>();
-        (sum(0) / sum(1)).sqrt()
+        if sum(1) > 0.0 { (sum(0) / sum(1)).sqrt() } else { sum(0) }
     })
 }
 
@@ -71,13 +80,13 @@ fn places(count: usize) -> Vec<[f64; 3]> {
     (0..count).map(at).collect()
 }
 
-/// Prints and returns the root mean square and the worst over settings, R, TT, TRT each.
-fn summary(name: &str, errors: &[[f64; 3]]) -> [[f64; 3]; 2] {
+/// Prints and returns the root mean square and the worst over settings, R, TT, TRT and longer paths each.
+fn summary(name: &str, errors: &[[f64; 4]]) -> [[f64; 4]; 2] {
     let rms = std::array::from_fn(|p| {
         (errors.iter().map(|e| e[p] * e[p]).sum::<f64>() / errors.len() as f64).sqrt()
     });
     let worst = std::array::from_fn(|p| errors.iter().map(|e| e[p]).fold(0.0, f64::max));
-    let percent = |x: [f64; 3]| x.map(|x| format!("{:.2}", 100.0 * x)).join(" / ");
+    let percent = |x: [f64; 4]| x.map(|x| format!("{:.2}", 100.0 * x)).join(" / ");
     println!("{name}: rms {} %, worst {} %", percent(rms), percent(worst));
     [rms, worst]
 }
@@ -97,27 +106,37 @@ fn settings(etas: &[f64], absorptions: &[f64], betas: &[f64]) -> Vec<(Fibre, f64
     settings
 }
 
-fn errors_of_fast(settings: &[(Fibre, f64)], places: &[[f64; 3]], nodes: usize) -> Vec<[f64; 3]> {
-    let tables: Vec<(f64, Tables)> =
-        [1.45, 1.55, 1.65].map(|eta| (eta, Tables::new(&fibre(eta, 0.0, 7.5), nodes))).into();
+fn errors_of_fast(
+    model: Model,
+    settings: &[(Fibre, f64)],
+    places: &[[f64; 3]],
+    nodes: usize,
+) -> Vec<[f64; 4]> {
+    let tables: Vec<(f64, Tables)> = [1.45, 1.55, 1.65]
+        .map(|eta| (eta, Tables::new(&fibre(eta, 0.0, 7.5), model, nodes)))
+        .into();
     settings
         .iter()
         .map(|(fibre, lambda_j)| {
             let (_, tables) = tables.iter().find(|(eta, _)| *eta == fibre.eta).expect("a table");
-            let fast = Fast::new(fibre, tables);
-            error(fibre, *lambda_j, places, |[o, j, phi]| {
+            let fast = Fast::new(fibre, model, tables);
+            let exact: Box<dyn FibreModel> = match model {
+                Model::Marschner => Box::new(Marschner::new(fibre)),
+                Model::Deon => Box::new(Deon::conserving(fibre, fibre.w_c / SQRT_2, 4)),
+            };
+            error(&*exact, *lambda_j, places, |[o, j, phi]| {
                 fast.single_scattering(o, j, phi, 1.0, *lambda_j)
             })
         })
         .collect()
 }
 
-fn errors_of_xu(settings: &[(Fibre, f64)], places: &[[f64; 3]]) -> Vec<[f64; 3]> {
+fn errors_of_xu(settings: &[(Fibre, f64)], places: &[[f64; 3]]) -> Vec<[f64; 4]> {
     settings
         .iter()
         .map(|(fibre, lambda_j)| {
             let xu = Xu::new(fibre, 4, Energy::Quadrature);
-            error(fibre, *lambda_j, places, |[o, j, phi]| {
+            error(&Marschner::new(fibre), *lambda_j, places, |[o, j, phi]| {
                 xu.single_scattering(o, j, phi, 1.0, *lambda_j)
             })
         })
@@ -129,7 +148,8 @@ fn fast_is_within_a_percent_where_the_paper_is_within_ten() {
     let places = places(60);
     let settings = settings(&[1.45, 1.65], &[0.0, 1.0, 3.0], &[7.5]);
     let [xu, _] = summary("xu m = 4", &errors_of_xu(&settings, &places));
-    let [rms, worst] = summary("fast, 2 nodes", &errors_of_fast(&settings, &places, 2));
+    let errors = errors_of_fast(Model::Marschner, &settings, &places, 2);
+    let [rms, worst] = summary("fast, 2 nodes", &errors);
     for p in 0..3 {
         assert!(rms[p] < 0.01 && worst[p] < 0.03, "mode {p}: {} {}", rms[p], worst[p]);
         assert!(xu[p] > 0.02, "the control, xu, passes in mode {p}: {}", xu[p]);
@@ -137,13 +157,46 @@ fn fast_is_within_a_percent_where_the_paper_is_within_ten() {
 }
 
 #[test]
+fn fast_of_deon_is_within_a_percent() {
+    let places = places(60);
+    let settings = settings(&[1.45, 1.65], &[0.0, 1.0, 3.0], &[7.5]);
+    let nodes = Model::Deon.nodes() as usize;
+    let errors = errors_of_fast(Model::Deon, &settings, &places, nodes);
+    let [rms, worst] = summary("deon, 3 nodes", &errors);
+    for p in 0..3 {
+        assert!(rms[p] < 0.01 && worst[p] < 0.03, "lobe {p}: {} {}", rms[p], worst[p]);
+    }
+    // Longer paths where they can be seen, in clear fibres.
+    let clear = settings.iter().zip(&errors).filter(|((f, _), _)| f.sigma_a[0] == 0.0);
+    let [rms, worst] = summary("of clear fibres", &clear.map(|(_, e)| *e).collect::<Vec<_>>());
+    assert!(rms[3] < 0.01 && worst[3] < 0.03, "longer: {} {}", rms[3], worst[3]);
+    let dark = fibre(1.65, 1.0, 7.5);
+    let tables = Tables::new(&dark, Model::Deon, nodes);
+    let share = |f: &Fibre| Fast::new(f, Model::Deon, &tables).share_of(Mode::Trrt);
+    let (of_dark, of_clear) = (share(&dark), share(&fibre(1.65, 0.0, 7.5)));
+    println!("longer paths have {of_dark:.1e} of σ_a = 1, {of_clear:.1e} of clear");
+    assert!(of_dark < 1.0 / 512.0 && of_clear > 1.0 / 512.0);
+    // The control: Marschner's fibre is another.
+    let other = errors_of_fast(Model::Deon, &settings[..4], &places, 2);
+    let tables = Tables::new(&settings[0].0, Model::Marschner, 2);
+    let wrong =
+        error(&Deon::conserving(&settings[0].0, 0.2 / SQRT_2, 4), 0.3, &places, |[o, j, phi]| {
+            Fast::new(&settings[0].0, Model::Marschner, &tables)
+                .single_scattering(o, j, phi, 1.0, 0.3)
+        });
+    println!("2 nodes {:?}, Marschner's {wrong:?}", other[1]);
+    assert!(wrong.iter().all(|e| *e > 0.03));
+}
+
+#[test]
 #[ignore = "minutes: the whole grid of the paper's error"]
 fn fast_over_the_whole_grid() {
     let places = places(40);
     let all = settings(&[1.45, 1.55, 1.65], &[0.0, 0.2, 0.6, 1.0, 3.0], &[5.0, 7.5, 10.0]);
-    for nodes in [2, 3, 4] {
-        let errors = errors_of_fast(&all, &places, nodes);
-        let [rms, worst] = summary(&format!("fast, {nodes} nodes"), &errors);
+    let runs = [2, 3, 4].map(|nodes| (Model::Marschner, nodes)).into_iter();
+    for (model, nodes) in runs.chain([(Model::Deon, 3), (Model::Deon, 4)]) {
+        let errors = errors_of_fast(model, &all, &places, nodes);
+        let [rms, worst] = summary(&format!("{model:?}, {nodes} nodes"), &errors);
         for lambda in 0..4 {
             let some: Vec<_> = errors.iter().skip(lambda).step_by(4).copied().collect();
             summary(&format!("  λ_j = {}", [0.1, 0.3, 0.6, 1.0][lambda]), &some);
@@ -151,7 +204,8 @@ fn fast_over_the_whole_grid() {
         assert!(rms.iter().all(|&e| e < 0.01) && worst.iter().all(|&e| e < 0.03));
     }
     let dark = settings(&[1.45, 1.55, 1.65], &[8.0, 20.0], &[7.5]);
-    summary("fast, 2 nodes, σ_a 8 and 20", &errors_of_fast(&dark, &places, 2));
+    let errors = errors_of_fast(Model::Marschner, &dark, &places, 2);
+    summary("Marschner, 2 nodes, σ_a 8 and 20", &errors);
 }
 
 #[test]
@@ -162,24 +216,27 @@ fn shaders_equal_their_twins() {
         eccentricity,
         ..fibre(1.55, 0.0, beta)
     };
-    for fibre in [
-        coloured(7.5, [0.0, 0.3, 1.5], 1.0),
-        coloured(3.0, [2.0, 4.0, 11.0], 1.0),
-        coloured(12.0, [0.1, 0.2, 0.4], 0.9),
+    for (model, fibre) in [
+        (Model::Marschner, coloured(7.5, [0.0, 0.3, 1.5], 1.0)),
+        (Model::Marschner, coloured(3.0, [2.0, 4.0, 11.0], 1.0)),
+        (Model::Marschner, coloured(12.0, [0.1, 0.2, 0.4], 0.9)),
+        (Model::Deon, coloured(7.5, [0.0, 0.3, 1.5], 1.0)),
+        (Model::Deon, coloured(12.0, [0.1, 0.2, 0.4], 0.9)),
     ] {
-        let tables = Tables::new(&fibre, 3);
-        let fast = Fast::new(&fibre, &tables);
-        // 16-bit tables are the same on both sides: what is left is f32.
+        let tables = Tables::new(&fibre, model, 3);
+        let fast = Fast::new(&fibre, model, &tables);
+        // 16-bit tables are the same on both sides: what is left is f32, and 8e-4 of each 2π I₀e.
         let case = |name, statement, twin| Case {
             name,
             statement,
-            relative: 2e-3,
+            relative: if model == Model::Deon { 3e-3 } else { 2e-3 },
             floor: 1e-5,
             input: scattering_input,
             twin,
         };
-        let single = |x: [f64; 8]| flat(fast.single_scattering(x[0], x[1], x[2], x[3], x[4]));
-        let global = |x: [f64; 8]| flat(fast.global_scattering(x[0], x[1], x[2], x[4]));
+        let whole = |modes: Modes| [modes.r, modes.tt, modes.trt, modes.longer].concat();
+        let single = |x: [f64; 8]| whole(fast.single_scattering(x[0], x[1], x[2], x[3], x[4]));
+        let global = |x: [f64; 8]| whole(fast.global_scattering(x[0], x[1], x[2], x[4]));
         let energy = |x: [f64; 8]| fast.energy_compensation(x[0]).to_vec();
         let shares = |x: [f64; 8]| {
             let s = fast.shares(x[0]);
@@ -209,13 +266,13 @@ fn shaders_equal_their_twins() {
                 &field,
             ),
         ];
-        let method = MethodData::fast(&fibre, 3);
-        check(&gpu, &method, &cases, 2048);
+        check(&gpu, &MethodData::fast(&fibre, model, 3), &cases, 2048);
         // The control: another fibre.
-        let other = MethodData::fast(&Fibre { eta: 1.57, ..fibre }, 3);
+        let other = MethodData::fast(&Fibre { eta: 1.57, ..fibre }, model, 3);
         for case in &cases {
             let (excess, _) = worst(&gpu, &other, case, 512);
-            assert!(excess > 1.0, "{} does not feel η", case.name);
+            let constant = model == Model::Deon && case.name == "energy_compensation";
+            assert!(excess > 1.0 || constant, "{} does not feel η", case.name);
         }
     }
 }
@@ -242,16 +299,18 @@ fn cost(gpu: &Gpu, method: &MethodData, body: &str) -> f64 {
 fn cost_beside_xu() {
     let gpu = cpu();
     let fibre = Fibre { sigma_a: [0.1, 0.3, 0.7], ..fibre(1.55, 0.0, 7.5) };
-    let single = "let m = single_scattering(fibre, x[0].x, x[0].y + d, x[0].z + d, x[0].w, x[1].x); sum += m.r + m.tt + m.trt;";
-    let global = "let m = global_scattering(fibre, x[0].x, x[0].y + d, x[0].z + d, x[1].x); sum += m.r + m.tt + m.trt;";
+    let single = "let m = single_scattering(fibre, x[0].x, x[0].y + d, x[0].z + d, x[0].w, x[1].x); sum += m.r + m.tt + m.trt + m.longer;";
+    let global = "let m = global_scattering(fibre, x[0].x, x[0].y + d, x[0].z + d, x[1].x); sum += m.r + m.tt + m.trt + m.longer;";
     let xu_dual = "let a = averages(x[0].x + d); sum += a.a_f + a.a_b + a.beta_f2;
         sum += local_scattering_direct(fibre, x[0].x, x[0].y + d, x[0].z + d, x[1].x);
         sum += local_scattering_forward(fibre, x[0].x, x[0].y + d, x[0].z + d, x[1].x);";
     let fast_dual = "let a = shares(fibre, x[0].x + d); sum += a.a_f + a.a_b + a.beta_f2;";
     let rows = [
         ("xu m=4", MethodData::xu(&fibre, 4, Energies::Quadrature), xu_dual),
-        ("fast 2", MethodData::fast(&fibre, 2), fast_dual),
-        ("fast 3", MethodData::fast(&fibre, 3), fast_dual),
+        ("fast 2", MethodData::fast(&fibre, Model::Marschner, 2), fast_dual),
+        ("fast 3", MethodData::fast(&fibre, Model::Marschner, 3), fast_dual),
+        ("deon 2", MethodData::fast(&fibre, Model::Deon, 2), fast_dual),
+        ("deon 3", MethodData::fast(&fibre, Model::Deon, 3), fast_dual),
     ];
     for _ in 0..3 {
         for (name, method, dual) in &rows {
@@ -264,8 +323,8 @@ fn cost_beside_xu() {
 #[test]
 fn energy_compensation_is_the_renderers() {
     let fibre = fibre(1.55, 0.0, 7.5);
-    let tables = Tables::new(&fibre, 3);
-    let fast = Fast::new(&fibre, &tables);
+    let tables = Tables::new(&fibre, Model::Marschner, 3);
+    let fast = Fast::new(&fibre, Model::Marschner, &tables);
     let clear = hairlight::scattering::azimuthal::ClearEnergies::new(1.55);
     for theta_o in [-1.4, -0.7, 0.0, 0.5, 1.2] {
         let got = fast.energy_compensation(theta_o);

@@ -5,8 +5,11 @@ use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
 use hairlight::gpu::{Gpu, method::MethodData, probe};
 use hairlight::scattering::{
+    azimuth_table::AzimuthTable,
     fast::{Fast, Tables},
     fibre::Fibre,
+    gaussian::srbf_integral,
+    model::Model,
 };
 use rayon::prelude::*;
 
@@ -53,25 +56,55 @@ fn fibre_of(batch: &Fibre, x: &[f32; 8]) -> Fibre {
     }
 }
 
+const MODELS: [Model; 2] = [Model::Marschner, Model::Deon];
+
 const STATEMENT: &str = "var f = fibre; f.sigma_a = vec3f(x[1].y);
     f.lambda = vec3f(1.0, 0.5, 2.0) * x[1].z; f.alpha = vec3f(1.0, -0.5, -1.5) * x[1].w;
     let m = single_scattering(f, x[0].x, x[0].y, x[0].z, x[0].w, x[1].x);
     let g = global_scattering(f, x[0].x, x[0].y, x[0].z, x[1].x);
+    let e = srbf_integral(x[1].x);
     let a = shares(f, x[0].y);
-    y[0] = vec4f(m.r.x, m.tt.x, m.trt.x, g.r.x); y[1] = vec4f(g.tt.x, g.trt.x, a.a_f.x, a.a_b.x);
-    y[2] = vec4f(energy_compensation(f, x[0].x), 0.0);";
-const NAMES: [&str; 11] =
-    ["R", "TT", "TRT", "R global", "TT global", "TRT global", "a_f", "a_b", "C_R", "C_TT", "C_TRT"];
+    y[0] = vec4f(m.r.x, m.tt.x, m.trt.x, e * g.r.x); y[1] = vec4f(e * g.tt.x, e * g.trt.x, a.a_f.x, a.a_b.x);
+    y[2] = vec4f(energy_compensation(f, x[0].x), m.longer.x);";
+const NAMES: [&str; 12] = [
+    "R",
+    "TT",
+    "TRT",
+    "R global",
+    "TT global",
+    "TRT global",
+    "a_f",
+    "a_b",
+    "C_R",
+    "C_TT",
+    "C_TRT",
+    "longer",
+];
 
-fn twin(batch: &Fibre, tables: &Tables, x: &[f32; 8]) -> [f64; 11] {
+fn twin(batch: &Fibre, model: Model, tables: &Tables, x: &[f32; 8]) -> [f64; 12] {
     let fibre = fibre_of(batch, x);
-    let fast = Fast::new(&fibre, tables);
+    let fast = Fast::new(&fibre, model, tables);
     let [o, j, phi, sum, lambda, ..] = x.map(f64::from);
     let m = fast.single_scattering(o, j, phi, sum, lambda);
+    // As a light of this width brings it.
+    let e = srbf_integral(lambda);
     let g = fast.global_scattering(o, j, phi, lambda);
     let a = fast.shares(j);
     let c = fast.energy_compensation(o);
-    [m.r[0], m.tt[0], m.trt[0], g.r[0], g.tt[0], g.trt[0], a.a_f[0], a.a_b[0], c[0], c[1], c[2]]
+    [
+        m.r[0],
+        m.tt[0],
+        m.trt[0],
+        e * g.r[0],
+        e * g.tt[0],
+        e * g.trt[0],
+        a.a_f[0],
+        a.a_b[0],
+        c[0],
+        c[1],
+        c[2],
+        m.longer[0],
+    ]
 }
 
 /// The worst of a run: |f32 − f64| over |f64| + [`FLOOR`].
@@ -85,15 +118,16 @@ struct Worst {
 /// Values far below this, a share of a light that fills the sphere, are held in absolute terms alone.
 const FLOOR: f64 = 1e-3;
 
-fn compare(gpu: &Gpu, batch: &Fibre, tuples: &[Tuple], worst: &mut Worst) {
+fn compare(gpu: &Gpu, batch: &Fibre, model: Model, tuples: &[Tuple], worst: &mut Worst) {
     let inputs: Vec<[f32; 8]> = tuples.iter().map(Tuple::input).collect();
-    let outputs = probe::run(gpu, STATEMENT, &MethodData::fast(batch, 2), &inputs).expect("runs");
-    let tables = Tables::new(batch, 2);
+    let outputs =
+        probe::run(gpu, STATEMENT, &MethodData::fast(batch, model, 2), &inputs).expect("runs");
+    let tables = Tables::new(batch, model, 2);
     let errors: Vec<(bool, f64, usize)> = inputs
         .par_iter()
         .zip(&outputs)
         .map(|(x, got)| {
-            let want = twin(batch, &tables, x);
+            let want = twin(batch, model, &tables, x);
             let mut most = (true, 0.0, 0);
             for (k, want) in want.into_iter().enumerate() {
                 let got = f64::from(got[k]);
@@ -112,7 +146,7 @@ fn compare(gpu: &Gpu, batch: &Fibre, tuples: &[Tuple], worst: &mut Worst) {
         worst.bad += usize::from(!fine);
         if error > worst.error {
             worst.error = error;
-            worst.line = format!("{} at {:?}, {batch:?}", NAMES[k], tuples[i]);
+            worst.line = format!("{model:?} {} at {:?}, {batch:?}", NAMES[k], tuples[i]);
         }
     }
 }
@@ -190,10 +224,11 @@ fn random_tuples_are_near_their_twin() {
     let mut random = Random(seed);
     let mut worst = Worst::default();
     let batch_size = (count / 8).clamp(1000, 500_000);
-    for _ in 0..count.div_ceil(batch_size) {
+    for k in 0..count.div_ceil(batch_size) {
+        let model = MODELS[k as usize % 2];
         let batch = random.batch();
         let tuples: Vec<Tuple> = (0..batch_size).map(|_| random.tuple()).collect();
-        compare(&gpu, &batch, &tuples, &mut worst);
+        compare(&gpu, &batch, model, &tuples, &mut worst);
     }
     println!(
         "{count} tuples, seed {seed}: {} bad, worst {:.2e}, {}",
@@ -234,7 +269,9 @@ fn named_cases_are_near_their_twin() {
         ("tilt 20°", common, |t| t.alpha_r_deg = 20.0),
     ];
     let mut failed = Vec::new();
-    for (name, batch, change) in rows {
+    for (model, (name, batch, change)) in
+        MODELS.into_iter().flat_map(|model| rows.map(|row| (model, row)))
+    {
         let mut random = Random(7);
         let tuples: Vec<Tuple> = (0..4000)
             .map(|_| {
@@ -244,10 +281,10 @@ fn named_cases_are_near_their_twin() {
             })
             .collect();
         let mut worst = Worst::default();
-        compare(&gpu, &batch, &tuples, &mut worst);
-        println!("{name}: {} bad, worst {:.1e}", worst.bad, worst.error);
+        compare(&gpu, &batch, model, &tuples, &mut worst);
+        println!("{model:?}, {name}: {} bad, worst {:.1e}", worst.bad, worst.error);
         if worst.bad > 0 || worst.error > NAMED_BOUND {
-            failed.push(format!("{name}: {worst:?}"));
+            failed.push(format!("{model:?}, {name}: {worst:?}"));
         }
     }
     assert!(failed.is_empty(), "{failed:#?}");
@@ -255,16 +292,17 @@ fn named_cases_are_near_their_twin() {
     let mut random = Random(7);
     let tuples: Vec<Tuple> = (0..500).map(|_| random.tuple()).collect();
     let inputs: Vec<[f32; 8]> = tuples.iter().map(Tuple::input).collect();
-    let outputs = probe::run(&gpu, STATEMENT, &MethodData::fast(&common, 2), &inputs)
-        .expect("the probe runs");
+    let outputs =
+        probe::run(&gpu, STATEMENT, &MethodData::fast(&common, Model::Marschner, 2), &inputs)
+            .expect("the probe runs");
     let other = fibre(1.57, 0.2, 1.0);
-    let tables = Tables::new(&other, 2);
+    let tables = Tables::new(&other, Model::Marschner, 2);
     let most = inputs
         .iter()
         .zip(&outputs)
         .map(|(x, got)| {
-            let want = twin(&other, &tables, x);
-            (0..11)
+            let want = twin(&other, Model::Marschner, &tables, x);
+            (0..12)
                 .map(|k| (f64::from(got[k]) - want[k]).abs() / (want[k] + FLOOR))
                 .fold(0.0, f64::max)
         })
@@ -293,8 +331,11 @@ fn sweeps_have_no_step() {
     const STEPS: usize = 8192;
     // A table over η, as for fibres whose η is painted.
     let layers = fibre(1.55, 0.2, 0.9);
-    let mut tables = Tables::new(&layers, 2);
-    tables.azimuth = hairlight::scattering::azimuth_table::AzimuthTable::over(1.3, 2.3, 51);
+    let azimuth = AzimuthTable::over(1.3, 2.3, 51);
+    let tables = MODELS.map(|model| Tables {
+        azimuth: azimuth.clone(),
+        ..Tables::new(&layers, model, model.nodes() as usize)
+    });
     type Set = fn(&mut Tuple, &mut Fibre, f64);
     let sweeps: [(&str, Set); 9] = [
         ("θ_o", |t, _, u| t.theta_o = 3.0 * (u - 0.5)),
@@ -307,20 +348,23 @@ fn sweeps_have_no_step() {
         ("η, across η′ = 2", |_, f, u| f.eta = 1.3 + u),
         ("w_c", |_, f, u| f.w_c = 0.01 * 100f64.powf(u)),
     ];
-    for (name, set) in sweeps {
-        let values: Vec<[f64; 11]> = (0..=STEPS)
+    for (model, (name, set)) in
+        MODELS.into_iter().flat_map(|model| sweeps.map(|sweep| (model, sweep)))
+    {
+        let tables = &tables[model as usize];
+        let values: Vec<[f64; 12]> = (0..=STEPS)
             .into_par_iter()
             .map(|i| {
                 let (mut tuple, mut batch) = (base, fibre(1.55, 0.2, 1.0));
                 set(&mut tuple, &mut batch, i as f64 / STEPS as f64);
-                twin(&batch, &tables, &tuple.input())
+                twin(&batch, model, tables, &tuple.input())
             })
             .collect();
         let steps: Vec<f64> =
-            (0..11).map(|k| step(&values.iter().map(|v| v[k]).collect::<Vec<_>>())).collect();
+            (0..12).map(|k| step(&values.iter().map(|v| v[k]).collect::<Vec<_>>())).collect();
         let most = steps.iter().copied().fold(0.0, f64::max);
-        println!("{name}: greatest step {most:.1e} of the peak");
-        assert!(most < 0.01, "{name}: {steps:?}");
+        println!("{model:?}, {name}: greatest step {most:.1e} of the peak");
+        assert!(most < 0.01, "{model:?}, {name}: {steps:?}");
         // The control: every eighth of the sweep is a step away from the next.
         let coarse: Vec<f64> = values.iter().step_by(STEPS / 8).map(|v| v[2].max(v[1])).collect();
         assert!(step(&coarse) > 0.01, "{name} does nothing");

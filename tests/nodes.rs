@@ -10,7 +10,8 @@ use hairlight::{
         azimuthal::{attenuation, effective_absorption, energies, exit_azimuth, inverse_eta_prime},
         gaussian::{concentration, g_circular, i0e},
         longitudinal::{linear_quadrature, longitudinal, longitudinal_bandwidth, projection},
-        nodes::{EXPONENT_MAX, Lobe, NodeTable, Taper, over_the_pole},
+        model::Model,
+        nodes::{EXPONENT_MAX, Lobe, NodeTable, over_the_pole},
         quadrature::GaussLegendre,
     },
 };
@@ -18,18 +19,6 @@ use rayon::prelude::*;
 
 static ENERGY_RULE: LazyLock<GaussLegendre> = LazyLock::new(|| GaussLegendre::new(12));
 static PANEL_RULE: LazyLock<GaussLegendre> = LazyLock::new(|| GaussLegendre::new(10));
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Model {
-    Marschner,
-    Deon,
-}
-
-impl Model {
-    fn taper(self) -> Taper {
-        if self == Model::Marschner { Taper::MARSCHNER } else { Taper::DEON }
-    }
-}
 
 /// A lobe of one fibre under one light.
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +77,11 @@ impl Setting {
 
     /// ∫g^c(φ_i−φ_j) N_t dφ_i / 2π: over h, with a blur of 0.2 rad for TRT and d'Eon.
     fn azimuthal(&self, theta_i: f64, at: &Place) -> f64 {
-        let theta_d = 0.5 * (at.theta_o - theta_i);
+        // d'Eon's A_p is taken at θ_o.
+        let theta_d = match self.model {
+            Model::Marschner => 0.5 * (at.theta_o - theta_i),
+            Model::Deon => at.theta_o,
+        };
         let light = concentration(self.lambda_j) * (theta_i.cos() * at.theta_j.cos()).max(0.0);
         let absorption = effective_absorption(self.sigma_a, self.eta, theta_d);
         let Some(phi) = at.phi else {
@@ -243,7 +236,7 @@ fn nodes_meet_their_bars_over_the_grid() {
     // (two nodes, three nodes) rms per lobe: the measured figure and a fifth.
     let bars = [
         (Model::Marschner, [[0.0066, 0.0031], [0.0008, 0.0004], [0.0056, 0.0015]]),
-        (Model::Deon, [[0.0118, 0.0048], [0.0031, 0.0009], [0.0190, 0.0055]]),
+        (Model::Deon, [[0.0126, 0.0051], [0.0046, 0.0015], [0.0185, 0.0048]]),
     ];
     for (model, bars) in bars {
         for (p, bar) in bars.into_iter().enumerate() {
@@ -333,8 +326,8 @@ fn hard_cases_stay_within_bounds() {
     let bars = [
         (Model::Marschner, [[0.0050, 0.0015], [0.0017, 0.0004], [0.0048, 0.0014]]),
         (Model::Marschner, [[0.1020, 0.0622], [0.0112, 0.0010], [0.0060, 0.0028]]),
-        (Model::Deon, [[0.0101, 0.0030], [0.0066, 0.0018], [0.0138, 0.0047]]),
-        (Model::Deon, [[0.0075, 0.0017], [0.0720, 0.0215], [0.0266, 0.0063]]),
+        (Model::Deon, [[0.0109, 0.0030], [0.0068, 0.0016], [0.0141, 0.0048]]),
+        (Model::Deon, [[0.0246, 0.0077], [0.0154, 0.0073], [0.0171, 0.0046]]),
     ];
     for (i, (model, bars)) in bars.into_iter().enumerate() {
         let grazing = i % 2 == 1;

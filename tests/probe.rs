@@ -4,9 +4,8 @@ use std::cell::RefCell;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use anyhow::Result;
-use hairlight::probe::{self, Function, Gpu, Method, NODES, Options, Quantity, SEGMENTS};
+use hairlight::probe::{self, Function, Gpu, Method, Options, Quantity, SEGMENTS};
 use hairlight::reference::{
-    Bcsdf,
     averages::averages,
     chiang::Chiang,
     integral::{Light, srbf_integral},
@@ -17,9 +16,11 @@ use hairlight::scattering::{
     azimuthal::Energy,
     fast::{self, Fast},
     fibre::Fibre,
+    model::Model,
     quadrature::GaussLegendre,
     xu::Xu,
 };
+use hairlight::scene::Bcsdf;
 
 const EXACT: Options = Options { model: Bcsdf::Marschner, method: None, gpu: None };
 const FAST: Options = Options { method: Some(Method::Fast), ..EXACT };
@@ -192,8 +193,8 @@ fn dual_rows_are_the_exact_averages() {
 #[test]
 fn other_methods_are_the_renderers() {
     let xu = Xu::new(&fibre(), SEGMENTS, Energy::Quadrature);
-    let tables = fast::Tables::new(&fibre(), NODES as usize);
-    let fast = Fast::new(&fibre(), &tables);
+    let tables = fast::Tables::new(&fibre(), Model::Marschner, 2);
+    let fast = Fast::new(&fibre(), Model::Marschner, &tables);
     let place = (0.3, -0.2, 0.1 - 3.0, 3.1f64.cos(), 0.3);
     let (a, b, c, d, e) = place;
     let exact = numbers(&run(Function::Srbf, &EXACT, SRBF).unwrap(), "m_tt")[0];
@@ -324,7 +325,8 @@ fn what_is_wrong_is_named_in_one_line() {
             Options { gpu: Some(gpu), method: Some(Method::Exact), ..EXACT },
             "--on cpu",
         ),
-        (Function::Srbf, Options { model: Bcsdf::Deon, ..FAST }, "--model marschner"),
+        (Function::Srbf, Options { model: Bcsdf::Chiang, ..FAST }, "another --model"),
+        (Function::Srbf, Options { model: Bcsdf::Deon, ..XU }, "xu for marschner alone"),
         (Function::Dual, Options { model: Bcsdf::Chiang, ..EXACT }, "marschner or deon"),
     ] {
         let line = format!("{:#}", run(function, &options, SRBF).expect_err(want));

@@ -3,14 +3,21 @@
 use std::path::Path;
 use std::process::Command;
 
+use hairlight::gpu::method::Integrator;
 use hairlight::quality::{Costs, Facts, pick};
-use hairlight::scene::{Method, Scene, Target};
+use hairlight::scattering::model::Model;
+use hairlight::scene::{Scene, Target};
 use tempfile::tempdir;
 
 use crate::frames::{capture, json};
 
-const FACTS: Facts =
-    Facts { contrast: 1.8, albedo: 0.1, width_px: 0.1, multiple: true, method: Method::Fast };
+const FACTS: Facts = Facts {
+    contrast: 1.8,
+    albedo: 0.1,
+    width_px: 0.1,
+    multiple: true,
+    integrator: Integrator::Fast(Model::Marschner),
+};
 const COSTS: Costs = Costs { pair_ns: 1000.0, visibility_ms: 60.0, points: 10_000, split: 25 };
 
 #[test]

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use hairlight::gpu::{
     Gpu,
-    method::MethodData,
+    method::{Integrator, MethodData},
     probe::{self, INPUTS, OUTPUTS},
     shaders,
 };
@@ -17,11 +17,12 @@ use hairlight::scattering::{
     gaussian,
     global::GlobalTable,
     longitudinal,
+    model::Model,
     nodes::{self, NodeTable},
     tables::CircleTable,
     xu::{self, Modes, Xu},
 };
-use hairlight::scene::{Energies, Method};
+use hairlight::scene::Energies;
 
 /// Point `i` of the R_d sequence: evenly spread in `INPUTS` dimensions.
 pub(super) fn low_discrepancy(i: usize) -> [f64; INPUTS] {
@@ -117,9 +118,9 @@ pub(super) fn flat(modes: Modes) -> Vec<f64> {
 
 pub(super) const SINGLE: &str =
     "let m = single_scattering(fibre, x[0].x, x[0].y, x[0].z, x[0].w, x[1].x);
-    y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2].x = m.trt.z;";
+    y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2] = vec4f(m.trt.z, m.longer);";
 pub(super) const GLOBAL: &str = "let m = global_scattering(fibre, x[0].x, x[0].y, x[0].z, x[1].x);
-    y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2].x = m.trt.z;";
+    y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2] = vec4f(m.trt.z, m.longer);";
 const LOCAL_DIRECT: &str =
     "y[0] = vec4f(local_scattering_direct(fibre, x[0].x, x[0].y, x[0].z, x[1].x), 0.0);";
 const LOCAL_FORWARD: &str =
@@ -325,7 +326,8 @@ fn hard_inputs_stay_finite() {
     ];
     let mut bad = Vec::new();
     for fibre in &fibres {
-        for (method, statements) in [(xu_data(fibre), of_xu), (MethodData::fast(fibre, 2), of_fast)]
+        for (method, statements) in
+            [(xu_data(fibre), of_xu), (MethodData::fast(fibre, Model::Marschner, 2), of_fast)]
         {
             for statement in statements {
                 for (input, output) in inputs.iter().zip(run(&gpu, statement, &method, &inputs)) {
@@ -400,8 +402,8 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             pad
         ]
     );
-    let shade = || shaders::shade(Method::Fast);
-    for method in [Method::Fast, Method::Xu] {
+    let shade = || shaders::shade(Integrator::Fast(Model::Marschner));
+    for method in [Integrator::Fast(Model::Marschner), Integrator::Xu] {
         validated(&shaders::with_exact_single(&shaders::shade(method)));
     }
     same!(shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, pad]);
@@ -416,7 +418,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
 
 #[test]
 fn layouts_and_constants_are_those_of_rust() {
-    let module = validated(&shaders::probe(Method::Xu, SINGLE));
+    let module = validated(&shaders::probe(Integrator::Xu, SINGLE));
     let (_, fibre) = module
         .types
         .iter()
@@ -474,7 +476,7 @@ fn layouts_and_constants_are_those_of_rust() {
         let found = constant(&module, name);
         assert!((found - value).abs() <= 1e-7 * value, "{name}: {found} in WGSL, {value} in Rust");
     }
-    let module = validated(&shaders::probe(Method::Fast, SINGLE));
+    let module = validated(&shaders::probe(Integrator::Fast(Model::Marschner), SINGLE));
     for (name, value) in [
         ("DIFFUSIVITY", fast::DIFFUSIVITY),
         ("MEAN_INCLINATION", fast::MEAN_INCLINATION),

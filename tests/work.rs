@@ -7,6 +7,7 @@ use hairlight::environment;
 use hairlight::gpu::frame::{Background, NEGLIGIBLE, Parts, Renderer};
 use hairlight::gpu::method::MethodData;
 use hairlight::progress::{Clock, Reporting};
+use hairlight::scattering::model::Model;
 use hairlight::scene::{FibreSpec, Lens, PRESETS, Scene};
 use hairlight::srbf::{self, SrbfLight};
 use hairlight::stage::{Geometry, place_lights};
@@ -98,7 +99,7 @@ impl Shot {
         scene.output.size = [96, 72];
         let stage = Geometry::load(&scene).unwrap();
         let lens = stage.camera(&scene).unwrap().lens(stage.center, scene.output.size);
-        let method = MethodData::fast(&FibreSpec::default().resolve(), 2);
+        let method = MethodData::fast(&FibreSpec::default().resolve(), Model::Marschner, 2);
         let mut renderer = Renderer::new(cpu(), &method, &stage).unwrap();
         let points = renderer.visible_points(&[lens], stage.pieces(&lens), 4).unwrap();
         let clock = Clock::new(Reporting { quiet: true, cancelled: &NEVER });
@@ -157,7 +158,7 @@ fn a_specialised_pipeline_shows_what_the_general_one_shows() {
         ("black", "black", 1.0, ALL),
         ("black single", "black", 1.0, SINGLE),
     ] {
-        let data = MethodData::fast(&fibre(preset, eccentricity).resolve(), 2);
+        let data = MethodData::fast(&fibre(preset, eccentricity).resolve(), Model::Marschner, 2);
         let general = pixels(&MethodData { general: true, ..data.clone() }, parts);
         let error = relative_l2(&pixels(&data, parts), &general);
         println!("{name}: modes {:b}, relative L2 {error:.1e}", data.modes);
@@ -177,7 +178,11 @@ fn lights_that_cannot_matter_are_left_out_unseen() {
     let mut shot = Shot::new();
     for (map, preset) in [("studio", "brown"), ("night", "blond")] {
         let lights = fitted(map, 24);
-        shot.renderer.set_method(&MethodData::fast(&fibre(preset, 1.0).resolve(), 2));
+        shot.renderer.set_method(&MethodData::fast(
+            &fibre(preset, 1.0).resolve(),
+            Model::Marschner,
+            2,
+        ));
         let mut taken = |negligible: f64| {
             shot.renderer.negligible = negligible;
             shot.light(&lights);

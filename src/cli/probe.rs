@@ -8,8 +8,8 @@ use super::{adapter, choice, word};
 use crate::gpu::Gpu;
 use crate::gpu::probe::run as run_on_gpu;
 use crate::probe::{self, Function, Method, Options, Request};
-use crate::reference::Bcsdf;
 use crate::scattering::fibre::Fibre;
+use crate::scene::Bcsdf;
 
 pub fn command() -> Command {
     Command::new("probe")

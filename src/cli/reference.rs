@@ -4,7 +4,6 @@ use anyhow::Result;
 use clap::{Arg, ArgMatches, Command, value_parser};
 
 use super::{choice, print, quiet, reporting, scene, switch, with_scene, word};
-use crate::reference::Bcsdf;
 use crate::reference::render::{self, Lighting, ReferenceOptions};
 use crate::reference::tracer::Sampling;
 use crate::scene::Field;
@@ -30,7 +29,6 @@ pub fn command() -> Command {
                 .value_parser(value_parser!(u32).range(1..=1 << 24))
                 .help("Samples a pixel"),
         )
-        .arg(choice("bcsdf", Bcsdf::WORDS).help("How a fibre scatters"))
         .arg(
             Arg::new("max-depth")
                 .long("max-depth")
@@ -71,7 +69,7 @@ pub fn run(command: &mut Command, matches: &ArgMatches) -> Result<()> {
     let number = |name| matches.get_one::<u32>(name).copied();
     let options = ReferenceOptions {
         spp: number("spp").unwrap_or(64),
-        bcsdf: Bcsdf::named(word(matches, "bcsdf")),
+        bcsdf: scene.fibre.model,
         max_depth: number("max-depth").unwrap_or(u32::MAX),
         lighting: if word(matches, "lighting") == "srbf" { Lighting::Srbf } else { Lighting::Map },
         sampling: match word(matches, "sampling") {

@@ -302,7 +302,7 @@ impl Renderer {
         let there = self.shading.iter().position(|s| (s.parts, s.count) == (parts, count));
         there.unwrap_or_else(|| {
             let (device, method) = (&self.gpu.device, &self.method);
-            let source = method.specialised(shaders::shade(method.method));
+            let source = method.specialised(shaders::shade(method.integrator));
             let mut constants = method.constants();
             constants.extend([("PARTS", f64::from(parts)), ("COUNT", f64::from(count))]);
             let module = module(device, "shade", &source);

@@ -1,51 +1,85 @@
 //! What a method binds in group 0: the fibre, and two tables.
 
+use anyhow::{Result, bail};
+
 use crate::scattering::{
+    azimuth_table::Mode,
     azimuthal::Energy,
-    fast,
+    fast::{self, Fast},
     fibre::Fibre,
+    model::Model,
     tables::{self, Tables},
     xu,
 };
-use crate::scene::{Energies, Method, RenderSpec};
+use crate::scene::{Bcsdf, Energies, FibreSpec, Method, RenderSpec};
 
 use super::shaders;
 use super::uniforms::FibreUniform;
 
+/// What a frame's scattering is evaluated by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    Fast(Model),
+    /// Of Marschner's fibre.
+    Xu,
+}
+
+/// A mode is left out where it holds less than this share of what a fibre scatters.
+const VISIBLE: f64 = 1.0 / 512.0;
+
 /// Group 0 of `shaders::scattering_library`.
 #[derive(Clone)]
 pub struct MethodData {
-    pub method: Method,
+    pub integrator: Integrator,
     pub fibre: FibreUniform,
     /// At bindings 1 and 2.
     pub tables: [Vec<u8>; 2],
     /// Single scattering by dense quadrature in the method's place, for judging the rest; for round fibres.
     pub exact_single: bool,
-    /// Bit t: mode t is bright enough to be seen.
+    /// Bit t: mode t is bright enough to be seen; TRRT stands for all longer ones too.
     pub modes: u32,
     /// Nothing that a scene lacks is left out, for judging what is.
     pub general: bool,
 }
 
-/// Every mode.
-const ALL_MODES: u32 = 15;
+const XU_MODES: u32 = 7;
+
+/// See [`MethodData::modes`].
+fn visible_modes(fast: &Fast) -> u32 {
+    let modes = [Mode::R, Mode::Tt, Mode::Trt, Mode::Trrt];
+    modes.map(|mode| u32::from(fast.share_of(mode) > VISIBLE) << mode as u32).iter().sum()
+}
 
 impl MethodData {
-    /// The method that a scene asks for.
-    pub fn new(fibre: &Fibre, render: &RenderSpec) -> Self {
-        match render.method {
-            Method::Fast => Self::fast(fibre, render.nodes),
-            Method::Xu => Self::xu(fibre, render.segments, render.energies),
-        }
+    /// What a scene asks for.
+    ///
+    /// # Errors
+    /// One line: a model that the method does not have.
+    pub fn new(spec: &FibreSpec, render: &RenderSpec) -> Result<Self> {
+        let fibre = spec.resolve();
+        let fast = |model: Model| Self::fast(&fibre, model, render.nodes.unwrap_or(model.nodes()));
+        Ok(match (render.method, spec.model) {
+            (Method::Fast, Bcsdf::Marschner) => fast(Model::Marschner),
+            (Method::Fast, Bcsdf::Deon) => fast(Model::Deon),
+            (Method::Xu, Bcsdf::Marschner) => Self::xu(&fibre, render.segments, render.energies),
+            (Method::Xu, Bcsdf::Deon) => {
+                bail!("the method xu has no deon: give --method fast, or --bcsdf marschner")
+            }
+            (_, Bcsdf::Chiang) => {
+                bail!(
+                    "chiang is path traced only: give --bcsdf marschner or deon, or use `hairlight reference`"
+                )
+            }
+        })
     }
 
     /// `nodes`: 2 to 4 over θ_i.
-    pub fn fast(fibre: &Fibre, nodes: u32) -> Self {
-        let tables = fast::Tables::new(fibre, nodes as usize);
+    pub fn fast(fibre: &Fibre, model: Model, nodes: u32) -> Self {
+        let tables = fast::Tables::new(fibre, model, nodes as usize);
         Self {
-            method: Method::Fast,
-            fibre: FibreUniform::new(fibre, nodes),
-            modes: fast::Fast::new(fibre, &tables).visible_modes(),
+            integrator: Integrator::Fast(model),
+            fibre: FibreUniform::new(fibre, model, nodes),
+            modes: visible_modes(&Fast::new(fibre, model, &tables)),
             tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
             exact_single: false,
             general: false,
@@ -64,14 +98,14 @@ impl MethodData {
             Energies::Taylor => Energy::Taylor(&tables.absorption),
         };
         Self {
-            method: Method::Xu,
-            fibre: FibreUniform::new(fibre, segments),
+            integrator: Integrator::Xu,
+            fibre: FibreUniform::new(fibre, Model::Marschner, segments),
             tables: [
                 bytes(&tables.to_gpu()),
                 bytes(&xu::fibre_table(fibre, segments, energy, tables)),
             ],
             exact_single: false,
-            modes: ALL_MODES,
+            modes: XU_MODES,
             general: false,
         }
     }
@@ -85,10 +119,15 @@ impl MethodData {
 
     /// What the shader is specialised by: see shaders/fibre.wgsl.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
-        let modes = if self.general { ALL_MODES } else { self.modes };
+        let modes = match self.integrator {
+            _ if !self.general => self.modes,
+            Integrator::Fast(model) => model.modes().iter().map(|&mode| 1 << mode as u32).sum(),
+            Integrator::Xu => XU_MODES,
+        };
         vec![
             ("ECCENTRIC", f64::from(self.general || self.fibre.eta_layers > 1)),
             ("MODES", f64::from(modes)),
+            ("LONGER", f64::from(modes >> 3)),
         ]
     }
 }

@@ -50,7 +50,7 @@ impl<'a> Probe<'a> {
             "a probe takes 1 to {ITEMS_MAX} inputs"
         );
         let device = &gpu.device;
-        let source = method.specialised(shaders::probe(method.method, statement));
+        let source = method.specialised(shaders::probe(method.integrator, statement));
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("probe"),
             source: wgpu::ShaderSource::Wgsl(source.into()),

@@ -1,7 +1,8 @@
 //! The shaders, put together from their files. WGSL takes declarations in any order, so a shader is the
 //! plain concatenation of library files and one file with its entry points.
 
-use crate::scene::Method;
+use super::method::Integrator;
+use crate::scattering::model::Model;
 
 /// What every method stands on.
 const COMMON: [&str; 5] = [
@@ -12,15 +13,23 @@ const COMMON: [&str; 5] = [
     include_str!("../../shaders/arrival.wgsl"),
 ];
 
-/// A method's own files. The last is the seam: shaders/shade.wgsl says what it defines.
-const fn own(method: Method) -> &'static [&'static str] {
-    match method {
-        Method::Fast => &[
-            include_str!("../../shaders/azimuth_table.wgsl"),
-            include_str!("../../shaders/nodes.wgsl"),
-            include_str!("../../shaders/fast.wgsl"),
-        ],
-        Method::Xu => &[
+const FAST: [&str; 3] = [
+    include_str!("../../shaders/azimuth_table.wgsl"),
+    include_str!("../../shaders/nodes.wgsl"),
+    include_str!("../../shaders/fast.wgsl"),
+];
+
+/// A method's own files, among them the seam: shaders/shade.wgsl says what it defines.
+fn own(integrator: Integrator) -> Vec<&'static str> {
+    match integrator {
+        Integrator::Fast(model) => {
+            let fibre = match model {
+                Model::Marschner => include_str!("../../shaders/marschner.wgsl"),
+                Model::Deon => include_str!("../../shaders/deon.wgsl"),
+            };
+            [&FAST[..], &[fibre]].concat()
+        }
+        Integrator::Xu => vec![
             include_str!("../../shaders/tables.wgsl"),
             include_str!("../../shaders/azimuthal.wgsl"),
             include_str!("../../shaders/dual.wgsl"),
@@ -31,14 +40,14 @@ const fn own(method: Method) -> &'static [&'static str] {
 }
 
 /// Everything a pass needs to evaluate scattering; it binds group 0.
-pub fn scattering_library(method: Method) -> String {
-    [&COMMON[..], own(method)].concat().join("\n")
+pub fn scattering_library(integrator: Integrator) -> String {
+    [&COMMON[..], &own(integrator)].concat().join("\n")
 }
 
 /// The library with an entry point `probe` that calls `expression` for each item: see `probe.rs`.
-pub fn probe(method: Method, expression: &str) -> String {
+pub fn probe(integrator: Integrator, expression: &str) -> String {
     let entry = include_str!("../../shaders/probe/probe.wgsl").replace("PROBED", expression);
-    scattering_library(method) + "\n" + &entry
+    scattering_library(integrator) + "\n" + &entry
 }
 
 const VIEW: &str = include_str!("../../shaders/view.wgsl");
@@ -54,8 +63,8 @@ pub fn mark() -> String {
 }
 
 /// Entry point `shade`.
-pub fn shade(method: Method) -> String {
-    [&scattering_library(method), include_str!("../../shaders/shade.wgsl")].join("\n")
+pub fn shade(integrator: Integrator) -> String {
+    [&scattering_library(integrator), include_str!("../../shaders/shade.wgsl")].join("\n")
 }
 
 /// The shader with `single_scattering` by dense quadrature (shaders/exact.wgsl), for judging the rest of a method.
@@ -71,12 +80,13 @@ pub fn resolve() -> String {
 }
 
 /// Every pass's shader with its name.
-pub fn passes() -> [(&'static str, String); 5] {
+pub fn passes() -> [(&'static str, String); 6] {
     [
         ("raster", raster()),
         ("mark", mark()),
-        ("shade, fast", shade(Method::Fast)),
-        ("shade, xu", shade(Method::Xu)),
+        ("shade, fast", shade(Integrator::Fast(Model::Marschner))),
+        ("shade, fast, deon", shade(Integrator::Fast(Model::Deon))),
+        ("shade, xu", shade(Integrator::Xu)),
         ("resolve", resolve()),
     ]
 }

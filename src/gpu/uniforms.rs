@@ -5,8 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
 use crate::scattering::{
-    azimuth_table::deficit, azimuthal::FitLayers, fibre::Fibre, gaussian::concentration,
-    longitudinal::longitudinal_bandwidth,
+    azimuthal::FitLayers, fibre::Fibre, longitudinal::longitudinal_bandwidth, model::Model,
 };
 
 /// `Fibre` of shaders/fibre.wgsl.
@@ -29,7 +28,7 @@ pub struct FibreUniform {
 
 impl FibreUniform {
     /// The fibre, and the nodes (`fast`) or segments m ≥ 2 (`xu`) of the quadrature over θ_i.
-    pub fn new(fibre: &Fibre, nodes: u32) -> Self {
+    pub fn new(fibre: &Fibre, model: Model, nodes: u32) -> Self {
         let layers = FitLayers::new(fibre);
         Self {
             alpha: fibre.alpha.map(|a| a as f32),
@@ -37,7 +36,7 @@ impl FibreUniform {
             lambda: fibre.beta.map(|b| longitudinal_bandwidth(b) as f32),
             nodes,
             sigma_a: fibre.sigma_a.map(|s| s as f32),
-            blur: deficit(concentration(fibre.w_c)) as f32,
+            blur: model.blur(fibre) as f32,
             eta_star: [layers.mean as f32, layers.half as f32],
             eta_low: layers.low as f32,
             eta_per_layer: layers.per_eta() as f32,

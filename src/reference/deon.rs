@@ -22,6 +22,7 @@
 //! for d'Eon's, a far-field N_TRT 23 µs at σ = 8°.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::LazyLock;
 
 use super::detector::RULE;
 use super::longitudinal::{Inclination, Longitudinal};
@@ -30,6 +31,7 @@ use crate::scattering::{
     azimuthal::{exit_azimuth, wrap},
     fibre::Fibre,
     fresnel::fresnel,
+    quadrature::GaussLegendre,
 };
 
 /// Least azimuthal standard deviation, radians: 0 would be a delta, which is Marschner's model.
@@ -234,6 +236,41 @@ impl<B: Blur> Rough<B> {
     }
 }
 
+/// Panels over γ in [0, π/2] and their rule: they resolve cos kΦ_p of every order that a blur of [`SERIES_SIGMA`]
+/// leaves.
+static SERIES_RULE: LazyLock<GaussLegendre> = LazyLock::new(|| GaussLegendre::new(16));
+const SERIES_PANELS: usize = 48;
+/// A narrower blur has too long a series.
+const SERIES_SIGMA: f64 = 0.05;
+
+impl<B: Blur> Rough<B> {
+    /// a_k = (1/π) e^{−k²σ²/2} ∫_0^1 A_p(h) cos kΦ_p(h) dh, half of it for k = 0: N_p is even in φ, since h → −h
+    /// turns Φ_p about.
+    fn cosines(&self, p: usize, sigma: f64, slice: &Slice) -> Vec<[f64; 3]> {
+        let last = self.lobes.len() - 1;
+        let step = FRAC_PI_2 / SERIES_PANELS as f64;
+        // e^{−k²σ²/2} = 1e-13.
+        let orders = if sigma.is_finite() { (7.74 / sigma).ceil() as usize + 1 } else { 1 };
+        let mut sums = vec![[0.0; 3]; orders];
+        for (gamma, weight) in
+            (0..SERIES_PANELS).flat_map(|k| SERIES_RULE.on(step * k as f64, step * (k + 1) as f64))
+        {
+            let crossing = slice.at(gamma.sin());
+            let a = crossing.attenuation(p, last).map(|a| a * weight * gamma.cos() / PI);
+            let azimuth = if sigma.is_finite() { crossing.azimuth(p) } else { 0.0 };
+            for (k, sum) in sums.iter_mut().enumerate() {
+                let cos = (k as f64 * azimuth).cos();
+                *sum = std::array::from_fn(|c| sum[c] + a[c] * cos);
+            }
+        }
+        sums[0] = sums[0].map(|a| 0.5 * a);
+        for (k, sum) in sums.iter_mut().enumerate().skip(1) {
+            *sum = sum.map(|a| a * (-0.5 * (k as f64 * sigma).powi(2)).exp());
+        }
+        sums
+    }
+}
+
 impl<B: Blur> FibreModel for Rough<B> {
     fn lobes(&self) -> usize {
         self.lobes.len()
@@ -255,6 +292,18 @@ impl<B: Blur> FibreModel for Rough<B> {
 
     fn azimuthal(&self, p: usize, phi: f64, section: &Section) -> [f64; 3] {
         self.blurred(p, phi, &self.slice(section.theta_i, section.theta_o))
+    }
+
+    fn series(&self, p: usize, theta_o: f64) -> Option<Vec<[f64; 3]>> {
+        if self.paths == Paths::OfDifference {
+            return None;
+        }
+        let sigma = match self.detector(p) {
+            Detector::Wrapped { sigma } if sigma >= SERIES_SIGMA => sigma,
+            Detector::Uniform => f64::INFINITY,
+            _ => return None,
+        };
+        Some(self.cosines(p, sigma, &self.slice(0.0, theta_o)))
     }
 
     fn evaluate(&self, o: &Direction, i: &Direction, h: f64) -> Evaluation {

@@ -14,6 +14,9 @@
 //! middle integral is over φ_i and takes N_p from the model, at fifty times the cost. Of those a bare
 //! caustic (w_c = 0) is left undone: its integrand has poles at unknown φ_i, and the result is NaN.
 //!
+//! Where N_p is the same at every θ_i and smooth (d'Eon's with A_p at θ_o), its cosine series takes the place of both
+//! inner integrals: a hundred times as fast.
+//!
 //! The error is 1e-8 of the value; or 1e-12 of what the lobe would give of the light at its brightest; or
 //! 1e-18 of what a lobe that loses nothing would. On one core a lobe takes 5 to 30 ms, and 0.1 to 0.25 s where
 //! the detector's light is itself a quadrature (d'Eon, Chiang).
@@ -27,7 +30,7 @@ use super::{
 };
 use crate::scattering::{
     azimuthal::wrap,
-    gaussian::{concentration, g_circular},
+    gaussian::{concentration, g_circular, i0e},
 };
 
 /// The relative error promised; [`Integral::excess`] is a multiple of it.
@@ -49,6 +52,9 @@ const TAIL: f64 = 1e-17;
 /// lobe of β ≥ 0.02° or a light of λ_j ≥ 0.0005 (they are above 0 in f64 within 27 bandwidths), and γ.
 const THETA_STEPS: usize = 256;
 const GAMMA_STEPS: usize = 32;
+
+/// Up to this concentration a cosine series is summed against the light's.
+const SERIES_KAPPA: f64 = 1e4;
 
 /// G_j of peak 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,13 +92,20 @@ pub fn srbf_integral(
         integrate(&breaks, tolerance(f64::MIN_POSITIVE), |theta_i| [weight(theta_i)]).value;
     let section = Section { theta_i: peak, theta_o: o.theta(), phi_h: 0.5 * (light.phi + o.phi) };
     let tolerance = tolerance(mass * floor(model, p, &section, kappa(peak)));
+    let series = model.series(p, o.theta());
     let worst = Cell::new(0.0f64);
     let mut integral = integrate(&breaks, tolerance, |theta_i| {
         let weight = weight(theta_i);
         if weight == 0.0 {
             return [0.0; 3];
         }
-        let (inner, excess) = azimuthal_integral(model, p, theta_i, o, light.phi, kappa(theta_i));
+        let kappa = kappa(theta_i);
+        let (inner, excess) = match &series {
+            Some(series) if kappa <= SERIES_KAPPA => {
+                (series_integral(series, light.phi - o.phi, kappa), 0.0)
+            }
+            _ => azimuthal_integral(model, p, theta_i, o, light.phi, kappa),
+        };
         worst.set(worst.get().max(excess));
         inner.map(|x| weight * x)
     });
@@ -180,6 +193,28 @@ pub fn azimuthal_integral(
         path.attenuation.map(|a| 0.5 * gamma.cos() * a * light)
     });
     (integral.value, integral.excess)
+}
+
+/// The same from N_p's cosine series: Σ_k a_k 2π I_k(κ) e^{−κ} cos kφ, κ ≤ [`SERIES_KAPPA`].
+fn series_integral(series: &[[f64; 3]], phi: f64, kappa: f64) -> [f64; 3] {
+    // I_k/I_{k−1} by its continued fraction, from so far up that where it began is forgotten.
+    let begin = series.len() + 8 + (6.0 * kappa.sqrt()) as usize;
+    let mut ratios = vec![1.0; series.len()];
+    let mut ratio = 0.0;
+    for k in (1..=begin).rev() {
+        ratio = kappa / (2.0 * k as f64 + kappa * ratio);
+        if let Some(kept) = ratios.get_mut(k) {
+            *kept = ratio;
+        }
+    }
+    let mut bessel = TAU * i0e(kappa);
+    let mut sum = [0.0; 3];
+    for (k, (a, ratio)) in series.iter().zip(&ratios).enumerate() {
+        bessel *= ratio;
+        let light = bessel * (k as f64 * phi).cos();
+        sum = std::array::from_fn(|c| sum[c] + a[c] * light);
+    }
+    sum
 }
 
 /// Whether lobe p's path does, on a section of any φ_h: at 0 and π/2 the two axes of the ellipse lie.

@@ -21,36 +21,11 @@ pub mod transmittance;
 
 use std::f64::consts::SQRT_2;
 
-use crate::scene::FibreSpec;
+use crate::scene::{Bcsdf, FibreSpec};
 use chiang::Chiang;
 use deon::Deon;
 use marschner::Marschner;
 use model::FibreModel;
-
-/// How a fibre scatters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Bcsdf {
-    /// Marschner 2003, each lobe scaled to lose nothing, as the renderer has it.
-    Marschner,
-    /// d'Eon et al. 2011, its attenuation taken at θ_o so that it conserves energy.
-    Deon,
-    /// Chiang et al. 2016, after pbrt-v4.
-    Chiang,
-}
-
-impl Bcsdf {
-    /// Names, in order.
-    pub const WORDS: &[&str] = &["marschner", "deon", "chiang"];
-
-    /// The model of this name; the first for any other.
-    pub fn named(word: &str) -> Bcsdf {
-        match word {
-            "deon" => Bcsdf::Deon,
-            "chiang" => Bcsdf::Chiang,
-            _ => Bcsdf::Marschner,
-        }
-    }
-}
 
 /// Lobes of d'Eon's model by themselves: R, TT, TRT, TRRT; the rest are one.
 pub const DEON_LOBES: usize = 4;

@@ -119,6 +119,12 @@ pub trait FibreModel: Send + Sync {
     /// N_p(φ), RGB per radian: the far-field value of one lobe.
     fn azimuthal(&self, p: usize, phi: f64, section: &Section) -> [f64; 3];
 
+    /// a_k of N_p(φ) = Σ_k a_k cos kφ, RGB, to 1e-13 of the lobe's energy: of a lobe whose N_p is the same at every
+    /// θ_i and smooth enough.
+    fn series(&self, _p: usize, _theta_o: f64) -> Option<Vec<[f64; 3]>> {
+        None
+    }
+
     /// S·cosθ_i and the sampling density, for a ray that meets the fibre at h.
     fn evaluate(&self, o: &Direction, i: &Direction, h: f64) -> Evaluation;
 

@@ -1,9 +1,10 @@
-//! The method `--method fast`: ∫G_j S_t cosθ_i dω and its dual-scattering kin for Marschner's fibre by Gauss
-//! nodes over θ_i and a table over azimuth that knows η alone. shaders/fast.wgsl is its twin, name for name.
+//! The method `--method fast`: ∫G_j S_t cosθ_i dω and its dual-scattering kin by Gauss nodes over θ_i and a table
+//! over azimuth that knows η alone. shaders/fast.wgsl is its twin, name for name.
 //!
 //! > ∫G_j S_t cosθ_i dω = Σ_k weight_k G_j(θ_k) M_t(θ_k) cos²θ_k/cos²θ_d · 2πI₀e(κ_k) · P_t(φ; θ_d, κ_k)
 //!
-//! with the nodes of `nodes.rs` and the P_t of `azimuth_table.rs`; κ_k = 2 cosθ_k cosθ_j/λ_j². Absorption,
+//! for Marschner's fibre, and with M_p cosθ_k and θ_o in place of θ_d for d'Eon's (`model.rs`); the nodes are those
+//! of `nodes.rs` and P_t is that of `azimuth_table.rs`; κ_k = 2 cosθ_k cosθ_j/λ_j². Absorption,
 //! roughness, tilt and w_c are no axes of a table: a fibre may differ from point to point, and an edit of it
 //! makes nothing anew; only another η does ([`Tables::new`]). Angles and units as in `xu.rs`.
 //!
@@ -25,15 +26,17 @@
 //! light (J = q), whatever the shape of the hair; but the strands that a seen point gets its field from lie
 //! deeper and darker than itself. [`DIFFUSIVITY`] stands for that; it was chosen by the path tracer.
 
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use super::{
-    azimuth_table::{AzimuthTable, Mode, deficit, joined, transmitted},
+    azimuth_table::{AzimuthTable, Mode, deficit, joined, transmitted, transmitted_rest},
     azimuthal::{FitLayers, eccentric_eta},
     fibre::Fibre,
-    gaussian::{concentration, g_circular, g_circular_integral, i0e},
-    longitudinal::{COMPENSATION_MAX, longitudinal, longitudinal_bandwidth, projection},
-    nodes::{Lobe, NodeTable, Taper},
+    gaussian::{concentration, g_circular, g_circular_integral},
+    longitudinal::COMPENSATION_MAX,
+    model::{Model, von_mises},
+    nodes::NodeTable,
     xu::Modes,
 };
 
@@ -41,13 +44,6 @@ use super::{
 /// white and blond hair under studio, overcast and sunset, frames have 0.85 to 1.09 of the truth's mean; with
 /// χ = 1, 1.0 to 1.45.
 pub const DIFFUSIVITY: f64 = 1.3;
-
-/// Share of what a fibre scatters that is seen, and inclinations at which it is looked for.
-const VISIBLE: f64 = 1.0 / 512.0;
-const VISIBLE_STEPS: usize = 32;
-
-/// R, TT, TRT.
-const MODES: [Mode; 3] = [Mode::R, Mode::Tt, Mode::Trt];
 
 /// What the method looks up.
 pub struct Tables {
@@ -58,14 +54,14 @@ pub struct Tables {
 
 impl Tables {
     /// Tables for a fibre's η and cross section with `nodes` (2 to 4; others are clamped) nodes over θ_i.
-    pub fn new(fibre: &Fibre, nodes: usize) -> Self {
-        static RULES: [OnceLock<NodeTable>; 3] = [const { OnceLock::new() }; 3];
+    pub fn new(fibre: &Fibre, model: Model, nodes: usize) -> Self {
+        static RULES: [[OnceLock<NodeTable>; 3]; 2] = [const { [const { OnceLock::new() }; 3] }; 2];
         let count = nodes.clamp(2, 4);
         let layers = FitLayers::new(fibre);
         Self {
             azimuth: AzimuthTable::over(layers.low, layers.high, layers.count),
-            nodes: RULES[count - 2]
-                .get_or_init(|| NodeTable::new(count, Taper::MARSCHNER.exponent)),
+            nodes: RULES[model as usize][count - 2]
+                .get_or_init(|| NodeTable::new(count, model.taper().exponent)),
         }
     }
 }
@@ -84,14 +80,14 @@ pub struct Shares {
 /// The method for one fibre.
 pub struct Fast<'a> {
     fibre: Fibre,
+    model: Model,
     tables: &'a Tables,
-    /// 1−⟨cos⟩ of TRT's own blur.
-    blur: f64,
 }
 
 impl<'a> Fast<'a> {
-    pub fn new(fibre: &Fibre, tables: &'a Tables) -> Self {
-        Self { fibre: *fibre, tables, blur: deficit(concentration(fibre.w_c)) }
+    /// `tables` of the same model.
+    pub fn new(fibre: &Fibre, model: Model, tables: &'a Tables) -> Self {
+        Self { fibre: *fibre, model, tables }
     }
 
     /// 𝓜_t of Eq 11, without energy compensation.
@@ -104,19 +100,20 @@ impl<'a> Fast<'a> {
         lambda_j: f64,
     ) -> Modes {
         let sharpness = concentration(lambda_j);
-        modes(|mode| {
-            self.outer(theta_o, theta_j, lambda_j, mode, |theta_i, cos_d| {
+        self.modes(|mode| {
+            let blur = self.model.blur_of(&self.fibre, mode);
+            self.outer(theta_o, theta_j, lambda_j, mode, |theta_i, cos_path| {
                 let kappa = sharpness * (theta_i.cos() * theta_j.cos()).max(0.0);
                 let light = g_circular(theta_i - theta_j, sharpness) * g_circular_integral(kappa);
-                let (mut eta, mut width) = (self.fibre.eta, deficit(kappa));
+                let mut eta = self.fibre.eta;
                 if mode == Mode::Trt {
                     // η̄* of Eq 24–26, ⟨cos φ′⟩ = 1 − deficit.
                     let (mean, half) = eccentric_eta(eta, self.fibre.eccentricity);
-                    eta = (mean + half * (1.0 - width) * cos_sum).max(1.0);
-                    width = joined(width, self.blur);
+                    eta = (mean + half * (1.0 - deficit(kappa)) * cos_sum).max(1.0);
                 }
-                let weights = self.tables.azimuth.azimuth(mode, eta, cos_d, phi, width);
-                self.fibre.sigma_a.map(|s| light * transmitted(weights, mode, eta, cos_d, s))
+                let width = joined(deficit(kappa), blur);
+                let weights = self.tables.azimuth.azimuth(mode, eta, cos_path, phi, width);
+                self.with_rest(weights, mode, eta, cos_path).map(|p| light * p)
             })
         })
     }
@@ -124,53 +121,53 @@ impl<'a> Fast<'a> {
     /// 𝓜_t^G of Eq 27, without energy compensation: light that came forward through other strands, of spread σ_f
     /// (a bandwidth of θ) about θ_j, per unit of its radiance integrated over direction.
     pub fn global_scattering(&self, theta_o: f64, theta_j: f64, phi: f64, sigma_f: f64) -> Modes {
-        modes(|mode| {
+        self.modes(|mode| {
             let eta = self.mean_eta(mode);
-            self.outer(theta_o, theta_j, sigma_f, mode, |theta_i, cos_d| {
-                let light = spread(theta_i, theta_j, sigma_f);
-                let weights = self.tables.azimuth.global(mode, eta, cos_d, phi);
-                self.fibre.sigma_a.map(|s| light * transmitted(weights, mode, eta, cos_d, s))
+            self.outer(theta_o, theta_j, sigma_f, mode, |theta_i, cos_path| {
+                let light = von_mises(theta_i, theta_j, sigma_f);
+                let weights = self.tables.azimuth.global(mode, eta, cos_path, phi);
+                self.with_rest(weights, mode, eta, cos_path).map(|p| light * p)
             })
         })
     }
 
-    /// C_t(θ_o) of R, TT, TRT: what [`super::longitudinal::energy_compensation`] says, by this method's nodes.
+    /// C_t(θ_o) of R, TT, TRT: what [`super::longitudinal::energy_compensation`] says, by this method's nodes; 1 of
+    /// d'Eon's fibre.
     pub fn energy_compensation(&self, theta_o: f64) -> [f64; 3] {
-        MODES.map(|mode| {
+        [Mode::R, Mode::Tt, Mode::Trt].map(|mode| {
+            if self.model == Model::Deon {
+                return 1.0;
+            }
             let eta = self.mean_eta(mode);
             let clear = |cos_d: f64| {
                 let [whole, _] = self.tables.azimuth.energy(mode, eta, cos_d);
                 whole.iter().sum::<f64>().max(1e-9)
             };
-            let lobe = self.lobe(theta_o, 0.0, 1e3, mode);
-            let kept: f64 = self
-                .tables
-                .nodes
-                .nodes(lobe.mu, lobe.lambda)
-                .map(|node| {
-                    let cos_d = (0.5 * (theta_o - node.theta)).cos();
-                    node.weight * self.longitudinal(mode, node.theta, theta_o) * clear(cos_d)
-                })
-                .sum();
+            let [kept, _, _] = self.outer(theta_o, 0.0, 1e3, mode, |_, cos_d| [clear(cos_d); 3]);
             (clear(theta_o.cos()) / kept.max(f64::MIN_POSITIVE)).min(COMPENSATION_MAX)
         })
     }
 
     /// ā_f, ā_b and β̄_f² of light that comes along inclination `theta`. A lobe is taken to be narrow: its energy
     /// is that at θ_d = θ, where energy compensation makes its integral right for a clear fibre. An eccentric
-    /// fibre counts as round.
+    /// fibre counts as round, and no blur of the fibre's own turns light back.
     pub fn shares(&self, theta: f64) -> Shares {
         let cos = theta.cos();
+        let eta = self.fibre.eta;
         let mut shares = Shares::default();
-        for (t, mode) in MODES.into_iter().enumerate() {
-            let eta = self.fibre.eta;
+        for &mode in self.model.modes() {
             let [whole, forward] = self.tables.azimuth.energy(mode, eta, cos);
             for c in 0..3 {
                 let at = |weights| transmitted(weights, mode, eta, cos, self.fibre.sigma_a[c]);
-                let (whole, forward) = (at(whole), at(forward));
+                let (mut whole, mut forward) = (at(whole), at(forward));
+                if mode == Mode::Trrt {
+                    let rest = self.rest_energy(cos, c);
+                    (whole, forward) = (whole + rest, forward + 0.5 * rest);
+                }
                 shares.a_f[c] += forward;
                 shares.a_b[c] += whole - forward;
-                shares.beta_f2[c] += forward * 8.0 * self.fibre.beta[t].powi(2);
+                let beta = self.fibre.beta[(mode as usize).min(2)];
+                shares.beta_f2[c] += forward * 8.0 * beta.powi(2);
             }
         }
         // At η = 1 nothing is scattered back but 16 bits' rounding.
@@ -179,24 +176,26 @@ impl<'a> Fast<'a> {
         shares
     }
 
-    /// Bits of the modes that can be seen: those that hold [`VISIBLE`] of what the fibre scatters in some channel at
-    /// some inclination. Hair loses TRT and then TT as it darkens.
-    pub fn visible_modes(&self) -> u32 {
-        let mut visible = 0;
-        for k in 0..VISIBLE_STEPS {
-            let cos = (k as f64 + 0.5) / VISIBLE_STEPS as f64;
-            let energy = MODES.map(|mode| {
-                let [whole, _] = self.tables.azimuth.energy(mode, self.fibre.eta, cos);
-                self.fibre.sigma_a.map(|s| transmitted(whole, mode, self.fibre.eta, cos, s))
-            });
+    /// The most that a mode has of what the fibre scatters, over inclinations and channels; TRRT counts with all that
+    /// is longer.
+    pub fn share_of(&self, mode: Mode) -> f64 {
+        if !self.model.modes().contains(&mode) {
+            return 0.0;
+        }
+        let mut most = 0.0f64;
+        for cos in (1..=16).map(|k| f64::from(k) / 16.0) {
+            let [weights, _] = self.tables.azimuth.energy(mode, self.fibre.eta, cos);
+            let all = self.shares(cos.acos());
             for c in 0..3 {
-                let all: f64 = energy.iter().map(|e| e[c]).sum();
-                for (t, e) in energy.iter().enumerate() {
-                    visible |= u32::from(e[c] >= VISIBLE * all) << t;
+                let mut own =
+                    transmitted(weights, mode, self.fibre.eta, cos, self.fibre.sigma_a[c]);
+                if mode == Mode::Trrt {
+                    own += self.rest_energy(cos, c);
                 }
+                most = most.max(own / (all.a_f[c] + all.a_b[c]).max(f64::MIN_POSITIVE));
             }
         }
-        visible
+        most
     }
 
     /// What the field around a point is multiplied by, J to radiance towards the eye: see the head of this
@@ -221,22 +220,35 @@ impl<'a> Fast<'a> {
         }
     }
 
-    fn lobe(&self, theta_o: f64, theta_j: f64, width: f64, mode: Mode) -> Lobe {
-        let t = mode as usize;
-        let (centre, lambda_m) =
-            (2.0 * self.fibre.alpha[t] - theta_o, longitudinal_bandwidth(self.fibre.beta[t]));
-        Lobe::new(theta_o, theta_j, width, centre, lambda_m, Taper::MARSCHNER.slope[t])
+    /// E of all paths longer than TRRT.
+    fn rest_energy(&self, cos_path: f64, channel: usize) -> f64 {
+        let weights = self.tables.azimuth.rest_energy(self.fibre.eta, cos_path);
+        transmitted_rest(weights, self.fibre.eta, cos_path, self.fibre.sigma_a[channel])
     }
 
-    /// M_t cos²θ_i/cos²θ_d.
-    fn longitudinal(&self, mode: Mode, theta_i: f64, theta_o: f64) -> f64 {
-        let t = mode as usize;
-        longitudinal(theta_i, theta_o, self.fibre.alpha[t], self.fibre.beta[t])
-            * projection(theta_i, theta_o)
+    /// A mode's value from its weights; TRRT's with all longer paths over an even azimuth.
+    fn with_rest(&self, weights: [f64; 4], mode: Mode, eta: f64, cos_path: f64) -> [f64; 3] {
+        std::array::from_fn(|c| {
+            let own = transmitted(weights, mode, eta, cos_path, self.fibre.sigma_a[c]);
+            match mode {
+                Mode::Trrt => own + self.rest_energy(cos_path, c) / TAU,
+                _ => own,
+            }
+        })
     }
 
-    /// ∫M_t cos²θ_i/cos²θ_d inner(θ_i, cosθ_d) dθ_i, `inner` a Gaussian of bandwidth `width` about θ_j times
-    /// what is smooth.
+    fn modes(&self, of: impl Fn(Mode) -> [f64; 3]) -> Modes {
+        let has_longer = self.model.modes().contains(&Mode::Trrt);
+        Modes {
+            r: of(Mode::R),
+            tt: of(Mode::Tt),
+            trt: of(Mode::Trt),
+            longer: if has_longer { of(Mode::Trrt) } else { [0.0; 3] },
+        }
+    }
+
+    /// ∫M inner(θ_i, cos of the path) dθ_i, M with its projection, `inner` a Gaussian of bandwidth `width` about
+    /// θ_j times what is smooth.
     fn outer(
         &self,
         theta_o: f64,
@@ -245,34 +257,21 @@ impl<'a> Fast<'a> {
         mode: Mode,
         inner: impl Fn(f64, f64) -> [f64; 3],
     ) -> [f64; 3] {
-        let lobe = self.lobe(theta_o, theta_j, width, mode);
+        let (fibre, model) = (&self.fibre, self.model);
+        let lobe = model.lobe(fibre, mode, theta_o, theta_j, width);
         let share = lobe.share();
         let mut sum = [0.0; 3];
         if share == 0.0 {
             return sum;
         }
         for node in self.tables.nodes.nodes(lobe.mu, lobe.lambda) {
-            let weight = share * node.weight * self.longitudinal(mode, node.theta, theta_o);
-            let value = inner(node.theta, (0.5 * (theta_o - node.theta)).cos().max(0.0));
+            let along = model.longitudinal(fibre, mode, node.theta, theta_o);
+            let weight = share * node.weight * along;
+            let value = inner(node.theta, model.cos_path(node.theta, theta_o));
             sum = [0, 1, 2].map(|c| sum[c] + weight * value[c]);
         }
         sum
     }
-}
-
-/// ψ_f over θ_i: forward-scattered light of bandwidth σ_f about θ_j. Xu's Gaussian over its normaliser (Eq 5)
-/// piles up even light about θ = 0, by e^{σ_f²/4}; this is d'Eon's M_p (2011, Eq 7, v = σ_f²/2), as wide, whose
-/// integral with cosθ is 1 over θ_i and over θ_j, so that even light stays even.
-pub fn spread(theta_i: f64, theta_j: f64, sigma_f: f64) -> f64 {
-    let v = 0.5 * sigma_f * sigma_f;
-    let apart = 2.0 * (0.5 * (theta_i - theta_j)).sin().powi(2);
-    i0e((theta_i.cos() * theta_j.cos()).max(0.0) / v) * (-apart / v).exp()
-        / -(v * (-2.0 / v).exp_m1())
-}
-
-fn modes(of: impl Fn(Mode) -> [f64; 3]) -> Modes {
-    let [r, tt, trt] = MODES.map(of);
-    Modes { r, tt, trt }
 }
 
 /// The inclination that stands for light from everywhere, radians.

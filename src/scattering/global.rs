@@ -42,7 +42,12 @@ impl GlobalAzimuth {
     pub fn at(&self, phi: f64, half: impl Fn(f64, f64) -> f64) -> Modes {
         let lobe = |delta: f64, kappa: f64| g_circular_integral(kappa) * half(delta, kappa) / PI;
         let r: f64 = self.r.iter().zip(half_circle_cosines(phi)).map(|(c, h)| c * h).sum();
-        Modes { r: [r.max(0.0) / PI; 3], tt: self.tt.tt(phi, lobe), trt: self.trt.trt(phi, lobe) }
+        Modes {
+            r: [r.max(0.0) / PI; 3],
+            tt: self.tt.tt(phi, lobe),
+            trt: self.trt.trt(phi, lobe),
+            longer: [0.0; 3],
+        }
     }
 }
 

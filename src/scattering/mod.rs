@@ -15,6 +15,7 @@ pub mod fresnel;
 pub mod gaussian;
 pub mod global;
 pub mod longitudinal;
+pub mod model;
 pub mod nodes;
 pub mod quadrature;
 pub mod tables;

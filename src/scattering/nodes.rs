@@ -48,7 +48,7 @@ impl Taper {
     /// rises on top of it.
     pub const MARSCHNER: Self = Self { exponent: 1.5, slope: [1.7, 1.0, 1.0, 1.0] };
     /// Of d'Eon's M_p cosθ_i: M_p itself goes as 1/√cosθ_i while its lobe is narrow. By measurement.
-    pub const DEON: Self = Self { exponent: 0.75, slope: [1.25, 0.5, 0.0, 0.0] };
+    pub const DEON: Self = Self { exponent: 0.75, slope: [0.3, 0.75, 0.1, 0.1] };
 }
 
 /// The Gaussian that places a lobe's nodes.

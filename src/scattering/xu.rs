@@ -50,6 +50,8 @@ pub struct Modes {
     pub r: [f64; 3],
     pub tt: [f64; 3],
     pub trt: [f64; 3],
+    /// TRRT and all longer paths, of fibres that have them.
+    pub longer: [f64; 3],
 }
 
 /// The method for one fibre, evaluated without tables.
@@ -105,7 +107,7 @@ impl<'a> Xu<'a> {
             let fit = Fitter::new(&self.fibre, self.energy).fit(eta, theta_d);
             fit.trt(phi, |delta, of| g_circular_product(delta, kappa, of))
         });
-        Modes { r, tt, trt }
+        Modes { r, tt, trt, longer: [0.0; 3] }
     }
 
     /// 𝓜_t^G of Eq 27: light that came forward through other strands, of spread σ_f (a bandwidth of
@@ -121,7 +123,12 @@ impl<'a> Xu<'a> {
             });
             sum.map(|x| scale * x)
         };
-        Modes { r: mode(0, |m| m.r), tt: mode(1, |m| m.tt), trt: mode(2, |m| m.trt) }
+        Modes {
+            r: mode(0, |m| m.r),
+            tt: mode(1, |m| m.tt),
+            trt: mode(2, |m| m.trt),
+            longer: [0.0; 3],
+        }
     }
 
     /// ∫G_j S_back cosθ_i dω: what strands behind return of light that reached this one directly.

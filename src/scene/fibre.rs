@@ -7,6 +7,7 @@
 //! and Mitsuba do, so that their customary concentrations (8, 1.3 and 0.3 for black, brown and
 //! blond) mean the same here; under d'Eon's printed path, half of them would.
 
+use super::Bcsdf;
 use super::preset::PRESETS;
 use crate::scattering::fibre::Fibre;
 
@@ -32,6 +33,7 @@ pub enum Pigment {
 /// One fibre. Angles in degrees; widths β are standard deviations of θ_h.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FibreSpec {
+    pub model: Bcsdf,
     /// The preset that the other values started from.
     pub preset: String,
     pub eta: f64,
@@ -70,6 +72,7 @@ impl Default for FibreSpec {
     /// The first preset on a round fibre of keratin.
     fn default() -> Self {
         let mut fibre = Self {
+            model: Bcsdf::Marschner,
             preset: String::new(),
             eta: 1.55,
             pigment: Pigment::Absorption([0.0; 3]),

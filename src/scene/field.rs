@@ -357,6 +357,12 @@ macro_rules! choice {
             /// The words of a scene file, in the order of the variants.
             pub const WORDS: &'static [&'static str] = &[$($word),+];
 
+            /// The variant of a word; the first for any other.
+            pub fn named(word: &str) -> Self {
+                let known = [$(($word, $name::$variant)),+];
+                known.into_iter().find(|(w, _)| *w == word).unwrap_or(known[0]).1
+            }
+
             /// The word of a scene file for this variant.
             pub fn word(self) -> &'static str {
                 match self {
@@ -370,10 +376,10 @@ macro_rules! choice {
                 $crate::scene::field::Value::Text(self.word().to_owned())
             }
             fn assign(&mut self, value: $crate::scene::field::Value) {
-                *self = match value {
-                    $($crate::scene::field::Value::Text(word) if word == $word => $name::$variant,)+
-                    _ => unreachable!("a checked word"),
+                let $crate::scene::field::Value::Text(word) = value else {
+                    unreachable!("a checked word")
                 };
+                *self = Self::named(&word);
             }
         }
     };

@@ -97,8 +97,8 @@ pub struct EnvironmentSpec {
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSpec {
     pub method: Method,
-    /// Of `fast`, over θ_i.
-    pub nodes: u32,
+    /// Of `fast`, over θ_i; `None`: what the fibre's model needs for 1 %.
+    pub nodes: Option<u32>,
     /// Of `xu`: m of the longitudinal quadrature (Xu 2011, §4.2.2).
     pub segments: u32,
     /// Coverage samples a pixel; `None` is left to the quality asked for.
@@ -118,6 +118,18 @@ choice! {
         Fast = "fast",
         /// Xu et al. 2011 as printed, but for its misprints.
         Xu = "xu",
+    }
+}
+
+choice! {
+    /// How a fibre scatters.
+    Bcsdf {
+        /// Marschner 2003, each lobe scaled to lose nothing.
+        Marschner = "marschner",
+        /// d'Eon et al. 2011, its attenuation taken at θ_o so that it conserves energy.
+        Deon = "deon",
+        /// Chiang et al. 2016, after pbrt-v4.
+        Chiang = "chiang",
     }
 }
 
@@ -202,7 +214,7 @@ impl Default for RenderSpec {
     fn default() -> Self {
         Self {
             method: Method::Fast,
-            nodes: 2,
+            nodes: None,
             segments: 4,
             samples: None,
             quality: None,

@@ -3,7 +3,9 @@
 use super::fibre::BETA_DEG;
 use super::field::{Alternative, Field, Kind, Slot, Value};
 use super::preset::{self, PRESETS};
-use super::{Background, Energies, Method, Orbit, Pigment, Scattering, Scene, UP_WORDS, View};
+use super::{
+    Background, Bcsdf, Energies, Method, Orbit, Pigment, Scattering, Scene, UP_WORDS, View,
+};
 
 /// A field that is a plain member of the scene's structs; `key` follows from where it is.
 macro_rules! field {
@@ -125,6 +127,12 @@ pub static FIELDS: &[Field] = &[
         Kind::Integer { min: 1.0, max: 256.0 },
         "lights fitted to the map; auto is 40, or what the quality needs",
         unset: Some("auto")
+    ),
+    field!(
+        fibre.model,
+        "bcsdf",
+        Kind::Choice(Bcsdf::WORDS),
+        "how a fibre scatters; deon keeps all light, chiang is for the reference"
     ),
     Field {
         get: |scene| Some(scene.fibre.preset.value()),
@@ -303,7 +311,8 @@ pub static FIELDS: &[Field] = &[
         render.nodes,
         "nodes",
         Kind::Integer { min: 2.0, max: 4.0 },
-        "nodes over the inclination of fast: error for time"
+        "nodes over the inclination of fast: error for time; auto is 2, of deon 3",
+        unset: Some("auto")
     ),
     field!(
         render.segments,

@@ -25,7 +25,7 @@ use crate::gpu::method::MethodData;
 use crate::measure::compare::compare;
 use crate::measure::read::Picture;
 use crate::progress::Clock;
-use crate::reference::Bcsdf;
+use crate::scene::Bcsdf;
 use crate::scene::FibreSpec;
 
 /// Names of [`Causes::parts`], in order.

@@ -20,7 +20,6 @@ use crate::gpu::Gpu;
 use crate::gpu::method::MethodData;
 use crate::gpu::probe::{INPUTS, OUTPUTS, Probe, run};
 use crate::probe::{Quantity, Request};
-use crate::reference::Bcsdf;
 use crate::reference::integral::{Light, srbf_integral};
 use crate::reference::model::{Direction, FibreModel, Section};
 use crate::scattering::azimuthal::wrap;
@@ -28,6 +27,7 @@ use crate::scattering::fibre::Fibre;
 use crate::scattering::gaussian::concentration;
 use crate::scattering::longitudinal::longitudinal_bandwidth;
 use crate::scattering::tables::Tables;
+use crate::scene::Bcsdf;
 
 const ETAS: [f64; 3] = [1.45, 1.55, 1.65];
 const BETAS_DEG: [f64; 3] = [5.0, 7.5, 10.0];
@@ -397,7 +397,7 @@ pub fn measure(
 }
 
 fn single_statement(data: &MethodData) -> &'static str {
-    Request { quantity: Quantity::SingleScattering, method: data.method }.statement()
+    Request { quantity: Quantity::SingleScattering, integrator: data.integrator }.statement()
 }
 
 /// Nanoseconds of `statement` for each of the `lights` that an item sums, method by method and round by round, all

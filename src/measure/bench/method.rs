@@ -3,13 +3,14 @@
 use std::f64::consts::SQRT_2;
 
 use crate::gpu::method::MethodData;
+use crate::reference::DEON_LOBES;
 use crate::reference::deon::Deon;
 use crate::reference::marschner::Marschner;
 use crate::reference::model::FibreModel;
-use crate::reference::{Bcsdf, DEON_LOBES};
 use crate::scattering::fibre::Fibre;
+use crate::scattering::model::Model;
 use crate::scattering::tables::Tables;
-use crate::scene::Energies;
+use crate::scene::{Bcsdf, Energies};
 
 /// A way to evaluate the scattering integrals on the GPU, at one setting.
 #[derive(Clone, Copy)]
@@ -31,7 +32,7 @@ pub struct Method {
 pub const BASELINE: usize = 1;
 
 /// All methods, the [`BASELINE`] among them.
-pub const METHODS: [Method; 7] = [
+pub const METHODS: [Method; 9] = [
     Method { by_cause: false, ..xu("m = 2", 2) },
     xu("m = 4", 4),
     Method { by_cause: false, ..xu("m = 6", 6) },
@@ -39,6 +40,8 @@ pub const METHODS: [Method; 7] = [
     fast("2", 2),
     Method { by_cause: false, ..fast("3", 3) },
     Method { by_cause: false, ..fast("4", 4) },
+    deon("2", 2),
+    deon("3", 3),
 ];
 
 /// The paper's method with m `segments`.
@@ -61,9 +64,20 @@ const fn fast(setting: &'static str, nodes: u32) -> Method {
         name: "fast",
         setting,
         nodes,
-        data: |method, fibre, _| MethodData::fast(fibre, method.nodes),
+        data: |method, fibre, _| MethodData::fast(fibre, Model::Marschner, method.nodes),
         exact: Bcsdf::Marschner,
         by_cause: true,
+    }
+}
+
+/// The same of d'Eon's fibre.
+const fn deon(setting: &'static str, nodes: u32) -> Method {
+    Method {
+        name: "fast, deon",
+        data: |method, fibre, _| MethodData::fast(fibre, Model::Deon, method.nodes),
+        exact: Bcsdf::Deon,
+        by_cause: false,
+        ..fast(setting, nodes)
     }
 }
 
