@@ -137,13 +137,14 @@ impl Facts {
 
     /// The error of a frame whose fit is `fit` off.
     pub fn expected(&self, settings: &Settings, fit: f64) -> Expected {
-        // Pale hair evens out shadows and edges.
-        let pale = 1.0 - 0.5 * self.albedo;
+        // Pale hair evens out lights, edges and most of all shadows.
+        let pale = 1.0 - 0.75 * self.albedo;
+        let fit = pale * fit;
         let cell = 96.0 / settings.cells as f64;
         let within_cell = CELL_ERROR * cell.powf(1.5);
         let within_strands = STRAND_ERROR * self.width_px.clamp(0.02, 0.5).powf(1.5);
         let transmittance =
-            pale * self.contrast.powf(CONTRAST_POWER) * within_cell.hypot(within_strands);
+            pale.powf(1.5) * self.contrast.powf(CONTRAST_POWER) * within_cell.hypot(within_strands);
         let multiple = match self.multiple {
             true => MULTIPLE_ERROR * self.albedo * self.contrast.powf(MULTIPLE_POWER),
             false => 0.0,
