@@ -8,8 +8,8 @@
 //!
 //! - fit: the fit's own error after a blur of λ = 0.3. With ten lights instead of forty a frame of black hair under
 //!   studio is 4.5 % further off, and the fit 4.0 %.
-//! - integrals: of the method, tests/fast.rs. The third and fourth node of `fast` change no frame by what can be
-//!   measured, so nodes are not among the settings.
+//! - integrals: of the method, tests/fast.rs. With two nodes `fast` is far below the other causes, so nodes are not
+//!   among the settings.
 //! - transmittance: shadows finer than a cell, and those of strand on strand, which no cell holds: they show the
 //!   more the wider a strand is in the picture.
 //! - multiple scattering: by the share of light that a fibre keeps alive.
