@@ -266,7 +266,7 @@ fn shaders_equal_their_twins() {
                 &field,
             ),
         ];
-        check(&gpu, &MethodData::fast(&fibre, model, 3), &cases, 2048);
+        check(&gpu, &MethodData::fast(&fibre, model, 3).as_general(), &cases, 2048);
         // The control: another fibre.
         let other = MethodData::fast(&Fibre { eta: 1.57, ..fibre }, model, 3);
         for case in &cases {

@@ -159,7 +159,7 @@ fn a_specialised_pipeline_shows_what_the_general_one_shows() {
         ("black single", "black", 1.0, SINGLE),
     ] {
         let data = MethodData::fast(&fibre(preset, eccentricity).resolve(), Model::Marschner, 2);
-        let general = pixels(&MethodData { general: true, ..data.clone() }, parts);
+        let general = pixels(&data.clone().as_general(), parts);
         let error = relative_l2(&pixels(&data, parts), &general);
         println!("{name}: modes {:b}, relative L2 {error:.1e}", data.modes);
         assert!(error <= ROUNDING, "{name}: {error}");

@@ -117,6 +117,11 @@ impl MethodData {
         if self.exact_single { shaders::with_exact_single(&shader) } else { shader }
     }
 
+    /// The same with nothing left out.
+    pub fn as_general(self) -> Self {
+        Self { general: true, ..self }
+    }
+
     /// What the shader is specialised by: see shaders/fibre.wgsl.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
         let modes = match self.integrator {
