@@ -1,10 +1,5 @@
 // What transport brings to a point, as a method takes it.
 
-// Parts of the scattering, for study.
-const SINGLE = 1u;
-const GLOBAL = 2u;
-const LOCAL = 4u;
-
 // The means of V e^(−sτ) over a light, at any s: ln(mean/open) is quadratic in s through its values at 0, ¼ and 1.
 struct Depth {
     open: f32,          // at s = 0

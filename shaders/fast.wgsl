@@ -131,7 +131,7 @@ fn single_inside(fibre: Fibre, theta_o: f32, light: Lobewise, t: u32, grid: Azim
     let m = lengthwise(fibre, theta_o, t);
     let lobe = lobe_of(theta_o, light.theta, light.lambda, m.centre, m.lambda, SLOPE[t]);
     var sum = vec3f();
-    for (var lit = lobe_share(lobe) > 0.0; lit; lit = false) {
+    for (var lit = has_mode(t) && lobe_share(lobe) > 0.0; lit; lit = false) {
         let place = node_place(lobe);
         var eta = eta_place(fibre, fibre.eta);
         for (var k = 0u; k < fibre.nodes; k++) {
@@ -192,7 +192,7 @@ fn global_mode(fibre: Fibre, theta_o: f32, spread: Spread, column: Row, t: u32) 
     let m = lengthwise(fibre, theta_o, t);
     let lobe = lobe_of(theta_o, spread.theta, spread.sigma, m.centre, m.lambda, SLOPE[t]);
     var sum = vec3f();
-    for (var lit = lobe_share(lobe) > 0.0; lit; lit = false) {
+    for (var lit = has_mode(t) && lobe_share(lobe) > 0.0; lit; lit = false) {
         let place = node_place(lobe);
         let eta = mean_eta(fibre, t);
         for (var k = 0u; k < fibre.nodes; k++) {
@@ -276,10 +276,18 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
 
     var scattered = vec3f();
     for (var lit = (parts & SINGLE) != 0u && arrival.direct >= arrival.least; lit; lit = false) {
+        if COUNT {
+            done.single += 1u;
+        }
+        set_exponent_max(arrival.direct, arrival.least);
         let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
         scattered += arrival.direct * compensated(strand.energy, m);
     }
     for (var lit = (parts & GLOBAL) != 0u && any(forward >= vec3f(arrival.least)); lit; lit = false) {
+        if COUNT {
+            done.global += 1u;
+        }
+        set_exponent_max(max(forward.x, max(forward.y, forward.z)), arrival.least);
         let spread2 = dot(scatterings(arrival.depth, a.a_f) * a.beta_f2, vec3f(1.0 / 3.0));
         let sigma_f = sqrt(arrival.lambda * arrival.lambda + spread2);
         let m = global_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);

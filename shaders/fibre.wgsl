@@ -19,6 +19,28 @@ struct Fibre {
 // What a scene lacks costs nothing: set when the pipeline is made.
 override ECCENTRIC: bool = true;
 override LONGER: bool = true;   // paths longer than TRT
+override MODES: u32 = 15u;      // bit t: mode t is bright enough to be seen
+override PARTS: u32 = 7u;       // SINGLE | GLOBAL | LOCAL
+override COUNT: bool = false;   // whether work is counted
+
+fn has_mode(t: u32) -> bool {
+    return (MODES & (1u << t)) != 0u;
+}
+
+// Parts of the scattering.
+const SINGLE = 1u;
+const GLOBAL = 2u;
+const LOCAL = 4u;
+
+// What an invocation has done, where COUNT holds.
+struct Done {
+    lights: u32,    // that matter at the point
+    single: u32,    // evaluations of the method
+    global: u32,
+    lobes: u32,     // joins of a mode with a light
+}
+
+var<private> done: Done;
 
 // Group 0 also holds two tables, which a method declares at bindings 1 and 2.
 @group(0) @binding(0) var<uniform> fibre: Fibre;

@@ -2,6 +2,8 @@
 // Twin: src/scattering/nodes.rs. The integral is the sum of weight · F(θ), with F as it is.
 
 const EXPONENT_MAX: f32 = 8.0;
+// What a mode makes of a light from its brightest direction, over its mean; rounded up.
+const PEAK: f32 = 4.0;
 const TILT_MAX = 1.4;
 const NODE_ROWS = 24u;
 const NODE_COLUMNS = 32u;
@@ -37,9 +39,17 @@ fn lobe_of(theta_o: f32, theta_j: f32, lambda_j: f32, centre: f32, lambda_m: f32
     return Lobe(mu + lambda * tilt, lambda, apart * apart * share * sharp_m);
 }
 
+// A lobe fainter than e^−exponent_max of its peak is left out: less is kept of a light that brings little.
+var<private> exponent_max: f32 = EXPONENT_MAX;
+
+// Of a light that brings `share` to a point where `least` would be nothing.
+fn set_exponent_max(share: f32, least: f32) {
+    exponent_max = min(log(PEAK * share / max(least, 1e-20)), EXPONENT_MAX);
+}
+
 // The factor of the integral; where it is 0 the lobe is left out.
 fn lobe_share(lobe: Lobe) -> f32 {
-    return saturate(EXPONENT_MAX - lobe.exponent);
+    return saturate(exponent_max - lobe.exponent);
 }
 
 // The centre of d'Eon's M_p: past a pole it comes down on the far side.
@@ -57,6 +67,9 @@ struct NodePlace {
 }
 
 fn node_place(lobe: Lobe) -> NodePlace {
+    if COUNT {
+        done.lobes += 1u;
+    }
     let last = HALF_PI + OUTSIDE * lobe.lambda;
     let near = min(abs(lobe.mu), last);
     let crowding = CROWDING * lobe.lambda;

@@ -1,6 +1,9 @@
 // From what each sample sees to radiance: strands and head by interpolation of what was shaded at their
 // points, averaged over passes in f32, then the background in what they leave free.
 
+// What a scene lacks costs nothing: set when the pipeline is made.
+override WITH_HEAD: bool = true;
+
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var visibility: texture_multisampled_2d<u32>;
 @group(0) @binding(2) var<storage, read> radiance: array<vec4f>;        // at strand points
@@ -30,7 +33,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
             covered += 1.0;
             hair += 1.0;
         }
-        for (var once = seen.kind == HEAD; once; once = false) {
+        for (var once = WITH_HEAD && seen.kind == HEAD; once; once = false) {
             let f = seen.fraction;
             color += (1.0 - f.x - f.y) * head_radiance[head_corners[3u * seen.id]].rgb
                 + f.x * head_radiance[head_corners[3u * seen.id + 1u]].rgb

@@ -1,5 +1,5 @@
 // Radiance of each needed strand point towards the eye: the sum over SRBF lights of what the method makes of
-// their arrival. A method's file defines
+// their arrival. Where COUNT holds, what was done for it in its place. A method's file defines
 //
 //   struct Strand, strand(fibre, θ_o, around)      what all lights share at a point
 //   light_scattering(fibre, strand, arrival) -> Lit
@@ -18,7 +18,7 @@ struct Light {
 
 struct Shading {
     eye: vec3f,
-    parts: u32,         // SINGLE | GLOBAL | LOCAL
+    parts: u32,         // of those that the pipeline has
     first_light: u32,   // lights arrive in groups that keep a buffer under 128 MiB
     lights: u32,
     slots: u32,         // points whose reach is known
@@ -64,6 +64,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     let axis_y = cross(u, axis_x);
     let o = across(to_eye, axis_x, axis_y);
     let strand = strand_at(fibre, theta_o, depth_of(slots[point].y));
+    let parts = shading.parts & PARTS;
 
     var total = vec3f(0.0);
     var field = vec3f(0.0);
@@ -72,8 +73,13 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         let bits = reach[j * shading.slots + slot];
         let direct = square(f32(bits & 1023u) / 1023.0);
         let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
-        if (max(direct, quarter) < light.least) {
+        // What comes through other strands is judged by the mean at s = ¼.
+        let most = select(direct, max(direct, quarter), (PARTS & (GLOBAL | LOCAL)) != 0u);
+        if (most < light.least) {
             continue;
+        }
+        if COUNT {
+            done.lights += 1u;
         }
         let sin_j = clamp(dot(u, light.direction), -1.0, 1.0);
         let d = across(light.direction, axis_x, axis_y);
@@ -88,17 +94,21 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
             square(f32(bits >> 24u) / 255.0),
             depth_of(bits),
         );
-        let lit = light_scattering(fibre, strand, arrival, shading.parts);
+        let lit = light_scattering(fibre, strand, arrival, parts);
         total += light.rgb * lit.radiance;
         field += light.rgb * lit.field;
     }
-    if ((shading.parts & LOCAL) != 0u) {
+    if ((parts & LOCAL) != 0u) {
         total += field_scattering(strand, field);
     }
-    if (shading.first_light > 0u) {
-        total += radiance[point].rgb;
+    var shown = vec4f(total, 1.0);
+    if COUNT {
+        shown = vec4f(vec4u(done.lights, done.single, done.global, done.lobes));
     }
-    radiance[point] = vec4f(total, 1.0);
+    if (shading.first_light > 0u) {
+        shown += radiance[point];
+    }
+    radiance[point] = shown;
 }
 
 // Unit vector across the fibre, as (cos φ, sin φ); along the fibre any will do.

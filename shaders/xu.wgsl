@@ -209,6 +209,9 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
     // Loops that run once: see resolve.wgsl.
     var scattered = vec3f(0.0);
     for (var lit = arrival.direct >= arrival.least; lit; lit = false) {
+        if COUNT {
+            done.single += 1u;
+        }
         if ((parts & SINGLE) != 0u) {
             let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
             scattered += arrival.direct * compensated(strand.energy, m);
@@ -220,6 +223,9 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
     }
     let forward_energy = arrival.energy * forward;
     for (var lit = any(forward >= vec3f(arrival.least)); lit; lit = false) {
+        if COUNT {
+            done.global += 1u;
+        }
         if ((parts & GLOBAL) != 0u) {
             let m = global_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);
             scattered += forward_energy * compensated(strand.energy, m);

@@ -8,19 +8,20 @@ use anyhow::{Result, bail};
 use glam::Vec3;
 
 use crate::gpu::Gpu;
-use crate::gpu::frame::{Background, Frame, Parts, Renderer};
+use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
 use crate::image::write_frame;
 use crate::progress::{Clock, Reporting};
+use crate::quality::{self, Costs, Facts, Settings, TRIAL_LIGHTS};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{self, Lens, Scattering, Scene};
 use crate::srbf::{self, SrbfLight};
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 use crate::stats::{
-    Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Stats, Timing,
-    TransportFigures,
+    Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Quality, Stats,
+    Timing, TransportFigures, Work,
 };
-use crate::transport::{Occluders, Transport, transport};
+use crate::transport::{Detail, Occluders, Transport, transport};
 
 /// Pairs of a point and a light that `--verify` casts rays for.
 const VERIFIED_PAIRS: usize = 4096;
@@ -55,25 +56,53 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     };
     clock.step("adapter")?;
 
-    let wanted = scene.environment.lights as usize;
-    let fit = clock
-        .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, wanted, progress))?;
-    clock.step("fit")?;
-
-    let mut renderer = Renderer::new(gpu, &method, &stage)?;
-    clock.step("upload")?;
-
     let count = outputs.frames.len();
     let camera = stage.camera(scene)?;
     let lenses: Vec<Lens> = (0..count)
         .map(|i| camera.turned(360.0 * i as f64 / count as f64).lens(center, scene.output.size))
         .collect();
     let pieces = lenses.iter().map(|lens| stage.pieces(lens)).max().unwrap_or(1);
-    let points = renderer.visible_points(&lenses, pieces, scene.render.samples)?;
+    let parts = parts(scene.render.scattering);
+
+    let fibre = scene.fibre.resolve();
+    let mut renderer = Renderer::new(gpu, &method, &stage)?;
+    clock.step("upload")?;
+
+    let fit_lights = |count: usize, clock: &Clock| {
+        clock
+            .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, count, progress))
+    };
+    let facts = |lights: &[SrbfLight]| {
+        let width_px = f64::from(stage.diameter) * lenses[0].pixels_per_unit() / lenses[0].distance;
+        Facts::new(&fibre, method.integrator, lights, width_px, parts.multiple())
+    };
+    let mut settings = Settings::of(scene);
+    if let Some(target) = scene.render.quality {
+        let (lights, error) = quality::trial_lights(&fit_lights(TRIAL_LIGHTS, &clock)?, scene);
+        let (visibility_ms, points) =
+            quality::quickest(|| Ok(renderer.visible_points(&lenses[..1], pieces, 4)?.len()))?;
+        let costs = Costs {
+            visibility_ms,
+            pair_ns: quality::measure_pair_ns(&renderer.gpu, &method)?,
+            points,
+            split: lights.len().saturating_sub(TRIAL_LIGHTS),
+        };
+        let pick = quality::pick(scene, target, &facts(&lights), &costs, error);
+        clock.note(&pick.line(target));
+        settings = pick.settings;
+        clock.step("quality")?;
+    }
+
+    let fit = fit_lights(settings.lights as usize, &clock)?;
+    clock.step("fit")?;
+
+    let points = renderer.visible_points(&lenses, pieces, settings.samples)?;
     clock.step("visibility")?;
 
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let transport = bring_lights(&mut renderer, &stage, &lights, &points, &clock)?;
+    let detail = Detail { cells: settings.cells, multiple: parts.multiple() };
+    renderer.negligible = settings.negligible;
+    let transport = bring_lights(&mut renderer, &stage, &lights, &points, &detail, &clock)?;
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
         &map.environment,
@@ -89,12 +118,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let bar = clock.bar("frames");
     for (index, (path, lens)) in outputs.frames.iter().zip(&lenses).enumerate() {
         let started = Instant::now();
-        let frame = renderer.render(
-            lens,
-            scene.render.samples,
-            background(scene),
-            parts(scene.render.scattering),
-        )?;
+        let frame = renderer.render(lens, settings.samples, background(scene), parts)?;
         let frame_ms = 1e3 * started.elapsed().as_secs_f64();
         if clock.cancelled() {
             bail!("cancelled");
@@ -130,6 +154,10 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         adapter.name,
     ));
     let Some(path) = &outputs.stats else { return Ok(()) };
+    let done = match lenses.last() {
+        Some(lens) => renderer.count(lens, settings.samples, parts)?,
+        None => Done::default(),
+    };
     let mut passes = clock.steps.clone();
     let Frame { passes: timed, shaded, .. } = frame;
     if timed.is_empty() {
@@ -166,6 +194,23 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             mean_abs_delta_t: delta_t.map(|d| d.mean_abs),
             mean_delta_t: delta_t.map(|d| d.mean),
         },
+        work: Work {
+            lights: lights.len(),
+            points_shaded: done.points,
+            pairs_asked: done.points * lights.len() as u64,
+            pairs_lit: done.pairs,
+            single_evaluations: done.single,
+            global_evaluations: done.global,
+            lobes: done.lobes,
+            head_vertices: transport.head_irradiance.len(),
+            transport_looks: transport.looks,
+            bytes: renderer.shading_bytes(),
+        },
+        quality: Quality {
+            settings,
+            expected: facts(&lights).expected(&settings, fit.relative_l2_blurred_0_30),
+            facts: facts(&lights),
+        },
         timing: Timing { frame_ms, setup_ms, total_ms: clock.total_ms(), passes },
         memory: Memory::now(),
         image: figures,
@@ -179,14 +224,15 @@ pub fn bring_lights(
     stage: &Geometry,
     lights: &[SrbfLight],
     points: &[u32],
+    detail: &Detail,
     clock: &Clock,
 ) -> Result<Transport> {
-    let volume = stage.density();
+    let volume = stage.density(detail.cells);
     let occluders = Occluders { volume: &volume, head: stage.head.as_ref() };
     let places: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
     let transport = clock.watch("light transport", |progress| {
         let done = AtomicUsize::new(0);
-        transport(&occluders, lights, &places, &|| {
+        transport(&occluders, lights, &places, detail.multiple, &|| {
             progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
         })
     });

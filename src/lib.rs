@@ -14,6 +14,7 @@ pub mod image;
 pub mod measure;
 pub mod probe;
 pub mod progress;
+pub mod quality;
 pub mod reference;
 pub mod scattering;
 pub mod scene;

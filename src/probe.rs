@@ -148,7 +148,7 @@ impl Request {
     /// What the statement runs with, for one fibre.
     pub fn data(self, fibre: &Fibre) -> MethodData {
         match self.integrator {
-            Integrator::Fast(model) => MethodData::fast(fibre, model, model.nodes()),
+            Integrator::Fast(model) => MethodData::fast(fibre, model, model.nodes()).as_general(),
             Integrator::Xu => MethodData::xu(fibre, SEGMENTS, Energies::Quadrature),
         }
     }

@@ -12,7 +12,7 @@ use crate::image::luminance;
 use crate::progress::Clock;
 use crate::scene::{Camera, Lens, Scene};
 use crate::srbf::SrbfLight;
-use crate::transport::{self, volume::Volume};
+use crate::transport::volume::Volume;
 
 /// Diffuse reflectance of the head: warm clay.
 pub const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
@@ -68,8 +68,8 @@ impl Geometry {
         scene.camera.resolve(self.center, self.radius, width / height)
     }
 
-    /// The density volume over the hair, strays beyond the fitted radius left out.
-    pub fn density(&self) -> Volume {
+    /// The density volume of `cells` along its longest edge over the hair, strays beyond the fitted radius left out.
+    pub fn density(&self, cells: usize) -> Volume {
         let Geometry { hair, diameters, center, radius, .. } = self;
         let (low, high) = hair.bounds();
         let (low, high) = (low.max(*center - *radius), high.min(*center + *radius));
@@ -78,7 +78,7 @@ impl Geometry {
                 (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i]))
             })
         });
-        Volume::build(segments, low, high, transport::RESOLUTION)
+        Volume::build(segments, low, high, cells)
     }
 
     /// Straight pieces that each segment is drawn in for this view.

@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::file::write_whole;
 use crate::gpu::frame::Frame;
 use crate::image::luminance;
+use crate::quality::{Expected, Facts, Settings};
 
 #[derive(Debug, Serialize)]
 pub struct Stats {
@@ -17,6 +18,8 @@ pub struct Stats {
     pub environment: EnvironmentCounts,
     pub fit: FitFigures,
     pub transport: TransportFigures,
+    pub work: Work,
+    pub quality: Quality,
     pub timing: Timing,
     pub memory: Memory,
     pub image: ImageFigures,
@@ -68,6 +71,41 @@ pub struct TransportFigures {
     pub mean_abs_delta_t: Option<f64>,
     /// The same with its sign: above 0 where the frame is too bright.
     pub mean_delta_t: Option<f64>,
+}
+
+/// What the frame was made with, and the error that it is expected to have against path tracing.
+#[derive(Debug, Serialize)]
+pub struct Quality {
+    #[serde(flatten)]
+    pub settings: Settings,
+    /// Relative L2 over hair, whole and by cause.
+    #[serde(flatten)]
+    pub expected: Expected,
+    /// What that follows from.
+    #[serde(flatten)]
+    pub facts: Facts,
+}
+
+/// What the last frame took, in numbers that repeat exactly.
+#[derive(Debug, Serialize)]
+pub struct Work {
+    /// That are shaded: wide ones are split.
+    pub lights: usize,
+    pub points_shaded: u64,
+    /// Points times lights, and those pairs that matter.
+    pub pairs_asked: u64,
+    pub pairs_lit: u64,
+    /// Evaluations of the method's integrals.
+    pub single_evaluations: u64,
+    pub global_evaluations: u64,
+    /// Modes joined with a light; 0 for `xu`, which does not count them.
+    pub lobes: u64,
+    /// That light is brought to.
+    pub head_vertices: usize,
+    /// Look-ups of optical depth for transport.
+    pub transport_looks: u64,
+    /// Tables, reach, lights and points that shading reads.
+    pub bytes: u64,
 }
 
 #[derive(Debug, Serialize)]

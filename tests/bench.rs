@@ -167,7 +167,7 @@ fn a_tiny_run_measures_everything() {
     };
     let mut bob = Scene::default();
     bob.hair.strands = effort.strands;
-    bob.environment.lights = 4;
+    bob.environment.lights = Some(4);
     let groom = Groom { name: "bob".to_owned(), scene: bob };
     let mut clock = Clock::new(Reporting { quiet: true, cancelled: &GO_ON });
     let methods = [Method { by_cause: false, ..METHODS[0] }, METHODS[BASELINE]];

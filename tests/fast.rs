@@ -10,6 +10,7 @@ use hairlight::reference::{
     model::{Direction, FibreModel},
 };
 use hairlight::scattering::{
+    azimuth_table::Mode,
     azimuthal::Energy,
     fast::{Fast, Tables},
     fibre::Fibre,
@@ -171,7 +172,7 @@ fn fast_of_deon_is_within_a_percent() {
     assert!(rms[3] < 0.01 && worst[3] < 0.03, "longer: {} {}", rms[3], worst[3]);
     let dark = fibre(1.65, 1.0, 7.5);
     let tables = Tables::new(&dark, Model::Deon, nodes);
-    let share = |f: &Fibre| Fast::new(f, Model::Deon, &tables).longer_share();
+    let share = |f: &Fibre| Fast::new(f, Model::Deon, &tables).share_of(Mode::Trrt);
     let (of_dark, of_clear) = (share(&dark), share(&fibre(1.65, 0.0, 7.5)));
     println!("longer paths have {of_dark:.1e} of σ_a = 1, {of_clear:.1e} of clear");
     assert!(of_dark < 1.0 / 512.0 && of_clear > 1.0 / 512.0);
@@ -265,7 +266,7 @@ fn shaders_equal_their_twins() {
                 &field,
             ),
         ];
-        check(&gpu, &MethodData::fast(&fibre, model, 3), &cases, 2048);
+        check(&gpu, &MethodData::fast(&fibre, model, 3).as_general(), &cases, 2048);
         // The control: another fibre.
         let other = MethodData::fast(&Fibre { eta: 1.57, ..fibre }, model, 3);
         for case in &cases {

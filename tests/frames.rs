@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 use tempfile::tempdir;
 
-fn capture(folder: &Path, arguments: &[&str]) -> Output {
+pub fn capture(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_hairlight"))
         .args(["capture", "--adapter", "cpu", "--quiet"])
         .args(arguments)
@@ -26,14 +26,14 @@ fn capture(folder: &Path, arguments: &[&str]) -> Output {
         .expect("the binary runs")
 }
 
-fn captured(folder: &Path, arguments: &[&str]) {
+pub fn captured(folder: &Path, arguments: &[&str]) {
     let output = capture(folder, arguments);
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {error}");
     assert_eq!(error, "", "{arguments:?}: quiet");
 }
 
-fn json(path: &Path) -> Value {
+pub fn json(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
 }
 
@@ -236,8 +236,14 @@ const FIGURES: &str = "\
     image.exposure_scale N, image.hair_coverage N, image.height C, image.mean_luminance N, \
     image.non_finite_pixels C, image.width C, \
     memory.peak_bytes C, \
-    timing.frame_ms N, timing.passes *, timing.setup_ms N, timing.total_ms N, \
-    transport.mean_abs_delta_t 0, transport.mean_delta_t 0";
+    quality.albedo N, quality.cells C, quality.contrast N, quality.coverage N, quality.fit N, \
+    quality.integrals N, quality.lights C, quality.multiple N, quality.negligible N, \
+    quality.samples C, quality.skipping N, quality.total N, quality.transmittance N, \
+    quality.width_px N, timing.frame_ms N, timing.passes *, timing.setup_ms N, timing.total_ms N, \
+    transport.mean_abs_delta_t 0, transport.mean_delta_t 0, \
+    work.bytes C, work.global_evaluations C, work.head_vertices C, work.lights C, work.lobes C, \
+    work.pairs_asked C, work.pairs_lit C, work.points_shaded C, work.single_evaluations C, \
+    work.transport_looks C";
 
 fn figure_names(figures: &Value) -> String {
     let mut names = Vec::new();

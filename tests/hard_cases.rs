@@ -121,7 +121,8 @@ const FLOOR: f64 = 1e-3;
 fn compare(gpu: &Gpu, batch: &Fibre, model: Model, tuples: &[Tuple], worst: &mut Worst) {
     let inputs: Vec<[f32; 8]> = tuples.iter().map(Tuple::input).collect();
     let outputs =
-        probe::run(gpu, STATEMENT, &MethodData::fast(batch, model, 2), &inputs).expect("runs");
+        probe::run(gpu, STATEMENT, &MethodData::fast(batch, model, 2).as_general(), &inputs)
+            .expect("runs");
     let tables = Tables::new(batch, model, 2);
     let errors: Vec<(bool, f64, usize)> = inputs
         .par_iter()
@@ -292,9 +293,13 @@ fn named_cases_are_near_their_twin() {
     let mut random = Random(7);
     let tuples: Vec<Tuple> = (0..500).map(|_| random.tuple()).collect();
     let inputs: Vec<[f32; 8]> = tuples.iter().map(Tuple::input).collect();
-    let outputs =
-        probe::run(&gpu, STATEMENT, &MethodData::fast(&common, Model::Marschner, 2), &inputs)
-            .expect("the probe runs");
+    let outputs = probe::run(
+        &gpu,
+        STATEMENT,
+        &MethodData::fast(&common, Model::Marschner, 2).as_general(),
+        &inputs,
+    )
+    .expect("the probe runs");
     let other = fibre(1.57, 0.2, 1.0);
     let tables = Tables::new(&other, Model::Marschner, 2);
     let most = inputs

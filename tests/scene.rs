@@ -16,6 +16,7 @@ pub fn samples(field: &Field) -> Vec<String> {
         Kind::Integer { min, max } => vec![format!("{min}"), format!("{max}")],
         Kind::Choice(words) => text(words),
         Kind::Text => text(&["llvmpipe", "has \\\"quotes\\\" and = # signs"]),
+        Kind::Target => text(&["20%", "0.5%", "50ms"]),
         Kind::Source { builtins, words } => {
             let builtin = builtins.iter().map(|name| format!("\"builtin:{name}\""));
             builtin.chain(text(words)).chain(text(&["a folder/file.x", "/ab.hair"])).collect()
@@ -120,6 +121,9 @@ fn just_beyond_either_end_is_an_error_that_names_key_value_and_range() {
                 "[1.5, 1]".to_owned(),
                 "[1, 1, 1]".to_owned(),
             ],
+            Kind::Target => {
+                vec!["\"0%\"".into(), "\"-1ms\"".into(), "\"50\"".into(), "\"NaN%\"".into()]
+            }
             _ => continue,
         };
         for literal in beyond {

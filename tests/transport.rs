@@ -259,13 +259,13 @@ fn a_head_blocks_what_lies_behind_it_and_is_lit_from_the_front() {
         let points = [1.5 * omega, omega, 1.2 * side, -1.5 * omega, -omega];
         let open = |head: Option<&Head>| {
             let occluders = Occluders { volume: &volume, head };
-            occluders.reach(&light, &points).0.into_iter().map(|r| r.open).collect::<Vec<_>>()
+            occluders.reach(&light, &points, true).0.into_iter().map(|r| r.open).collect::<Vec<_>>()
         };
         assert_eq!(open(Some(&head)), [1.0, 1.0, 1.0, 0.0, 0.0], "{omega}");
         assert_eq!(open(None), [1.0; 5], "{omega}: without a head");
 
         let occluders = Occluders { volume: &volume, head: Some(&head) };
-        let (_, irradiance) = occluders.reach(&light, &points);
+        let (_, irradiance) = occluders.reach(&light, &points, true);
         let peak = lobe_integral(narrow) as f32;
         let (mut total, mut exact_total) = (0.0, 0.0);
         for (normal, irradiance) in head.normals.iter().zip(irradiance) {
@@ -285,7 +285,7 @@ fn a_head_blocks_what_lies_behind_it_and_is_lit_from_the_front() {
     }
     // The pole is lit from above alone.
     let occluders = Occluders { volume: &volume, head: Some(&head) };
-    let front = |omega: Vec3| occluders.reach(&light(omega, narrow), &[]).1[0].x;
+    let front = |omega: Vec3| occluders.reach(&light(omega, narrow), &[], true).1[0].x;
     assert!(front(Vec3::Y) > 0.0 && front(Vec3::NEG_Y) == 0.0);
 }
 
@@ -294,8 +294,8 @@ fn cancelled_transport_is_none() {
     let volume = Volume::build(std::iter::empty(), Vec3::ZERO, Vec3::ONE, 8);
     let occluders = Occluders { volume: &volume, head: None };
     let lights = [light(Vec3::Y, 0.5), light(Vec3::X, 0.1)];
-    assert!(transport(&occluders, &lights, &[Vec3::ZERO], &|| false).is_none());
-    let done = transport(&occluders, &lights, &[Vec3::ZERO], &|| true).unwrap();
+    assert!(transport(&occluders, &lights, &[Vec3::ZERO], true, &|| false).is_none());
+    let done = transport(&occluders, &lights, &[Vec3::ZERO], true, &|| true).unwrap();
     assert_eq!(done.reach.iter().map(Vec::len).collect::<Vec<_>>(), [1, 1]);
     assert!(done.head_irradiance.is_empty());
 }
@@ -380,7 +380,7 @@ impl Fibres {
         let volume = Volume::build(segments, low, high, 64);
         let occluders = Occluders { volume: &volume, head: None };
         let points: Vec<Vec3> = self.probes.iter().map(|&p| hair.points[p]).collect();
-        let (reach, _) = occluders.reach(light, &points);
+        let (reach, _) = occluders.reach(light, &points, true);
         [rays / count, reach.iter().map(|r| f64::from(r.direct)).sum::<f64>() / count]
     }
 }

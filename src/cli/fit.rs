@@ -7,6 +7,7 @@ use clap::{Arg, ArgMatches, Command, value_parser};
 
 use super::{flag, print, quiet, reporting, rows};
 use crate::progress::Clock;
+use crate::quality::Settings;
 use crate::scene::{Assignment, Scene, Value, field_named};
 use crate::stage::load_map;
 use crate::{image, srbf};
@@ -53,7 +54,7 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     scene.apply(level.collect())?;
 
     let loaded = load_map(map, &clock)?;
-    let wanted = scene.environment.lights as usize;
+    let wanted = Settings::of(&scene).lights as usize;
     let fit = clock.watch("fitting lights", |progress| {
         srbf::fit_cached(&loaded.environment, wanted, progress)
     });

@@ -3,6 +3,7 @@
 use anyhow::{Result, bail};
 
 use crate::scattering::{
+    azimuth_table::Mode,
     azimuthal::Energy,
     fast::{self, Fast},
     fibre::Fibre,
@@ -23,19 +24,30 @@ pub enum Integrator {
     Xu,
 }
 
-/// Longer paths than TRT are left out where they hold less than this share of what a fibre scatters.
+/// A mode is left out where it holds less than this share of what a fibre scatters.
 const VISIBLE: f64 = 1.0 / 512.0;
 
 /// Group 0 of `shaders::scattering_library`.
+#[derive(Clone)]
 pub struct MethodData {
     pub integrator: Integrator,
     pub fibre: FibreUniform,
     /// At bindings 1 and 2.
     pub tables: [Vec<u8>; 2],
-    /// Whether paths longer than TRT can be seen.
-    pub longer: bool,
     /// Single scattering by dense quadrature in the method's place, for judging the rest; for round fibres.
     pub exact_single: bool,
+    /// Bit t: mode t is bright enough to be seen; TRRT stands for all longer ones too.
+    pub modes: u32,
+    /// Nothing that a scene lacks is left out, for judging what is.
+    pub general: bool,
+}
+
+const XU_MODES: u32 = 7;
+
+/// See [`MethodData::modes`].
+fn visible_modes(fast: &Fast) -> u32 {
+    let modes = [Mode::R, Mode::Tt, Mode::Trt, Mode::Trrt];
+    modes.map(|mode| u32::from(fast.share_of(mode) > VISIBLE) << mode as u32).iter().sum()
 }
 
 impl MethodData {
@@ -67,9 +79,10 @@ impl MethodData {
         Self {
             integrator: Integrator::Fast(model),
             fibre: FibreUniform::new(fibre, model, nodes),
+            modes: visible_modes(&Fast::new(fibre, model, &tables)),
             tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
-            longer: Fast::new(fibre, model, &tables).longer_share() > VISIBLE,
             exact_single: false,
+            general: false,
         }
     }
 
@@ -91,8 +104,9 @@ impl MethodData {
                 bytes(&tables.to_gpu()),
                 bytes(&xu::fibre_table(fibre, segments, energy, tables)),
             ],
-            longer: false,
             exact_single: false,
+            modes: XU_MODES,
+            general: false,
         }
     }
 }
@@ -103,9 +117,23 @@ impl MethodData {
         if self.exact_single { shaders::with_exact_single(&shader) } else { shader }
     }
 
+    /// The same with nothing left out.
+    pub fn as_general(self) -> Self {
+        Self { general: true, ..self }
+    }
+
     /// What the shader is specialised by: see shaders/fibre.wgsl.
-    pub fn constants(&self) -> [(&'static str, f64); 2] {
-        [("ECCENTRIC", f64::from(self.fibre.eta_layers > 1)), ("LONGER", f64::from(self.longer))]
+    pub fn constants(&self) -> Vec<(&'static str, f64)> {
+        let modes = match self.integrator {
+            _ if !self.general => self.modes,
+            Integrator::Fast(model) => model.modes().iter().map(|&mode| 1 << mode as u32).sum(),
+            Integrator::Xu => XU_MODES,
+        };
+        vec![
+            ("ECCENTRIC", f64::from(self.general || self.fibre.eta_layers > 1)),
+            ("MODES", f64::from(modes)),
+            ("LONGER", f64::from(modes >> 3)),
+        ]
     }
 }
 

@@ -20,6 +20,7 @@ use crate::environment::Environment;
 use crate::image::{Format, write_display, write_exr};
 use crate::measure::read::read_image;
 use crate::progress::{Clock, Reporting};
+use crate::quality::Settings;
 use crate::scene::Bcsdf;
 use crate::scene::{Background, Lens, Scene};
 use crate::srbf;
@@ -83,7 +84,7 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     let light = match options.lighting {
         Lighting::Map => Light::map(&map, rotation, gain)?,
         Lighting::Srbf => {
-            let wanted = scene.environment.lights as usize;
+            let wanted = Settings::of(scene).lights as usize;
             let fit = clock
                 .watch("fitting lights", |progress| srbf::fit_cached(&map, wanted, progress))?;
             Light::lobes(&place_lights(&fit.lights, scene))?

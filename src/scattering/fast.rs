@@ -176,20 +176,23 @@ impl<'a> Fast<'a> {
         shares
     }
 
-    /// The most that paths longer than TRT have of what the fibre scatters, over inclinations and channels.
-    pub fn longer_share(&self) -> f64 {
-        if !self.model.modes().contains(&Mode::Trrt) {
+    /// The most that a mode has of what the fibre scatters, over inclinations and channels; TRRT counts with all that
+    /// is longer.
+    pub fn share_of(&self, mode: Mode) -> f64 {
+        if !self.model.modes().contains(&mode) {
             return 0.0;
         }
         let mut most = 0.0f64;
         for cos in (1..=16).map(|k| f64::from(k) / 16.0) {
-            let [weights, _] = self.tables.azimuth.energy(Mode::Trrt, self.fibre.eta, cos);
+            let [weights, _] = self.tables.azimuth.energy(mode, self.fibre.eta, cos);
             let all = self.shares(cos.acos());
             for c in 0..3 {
-                let sigma_a = self.fibre.sigma_a[c];
-                let longer = transmitted(weights, Mode::Trrt, self.fibre.eta, cos, sigma_a)
-                    + self.rest_energy(cos, c);
-                most = most.max(longer / (all.a_f[c] + all.a_b[c]).max(f64::MIN_POSITIVE));
+                let mut own =
+                    transmitted(weights, mode, self.fibre.eta, cos, self.fibre.sigma_a[c]);
+                if mode == Mode::Trrt {
+                    own += self.rest_energy(cos, c);
+                }
+                most = most.max(own / (all.a_f[c] + all.a_b[c]).max(f64::MIN_POSITIVE));
             }
         }
         most

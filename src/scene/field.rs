@@ -55,6 +55,8 @@ pub enum Kind {
     Choice(&'static [&'static str]),
     /// Free text.
     Text,
+    /// A [`super::Target`].
+    Target,
     /// A file to read, `builtin:` and one of `builtins`, or one of `words`.
     Source {
         builtins: &'static [&'static str],
@@ -114,7 +116,7 @@ impl Field {
         let value = match self.kind {
             _ if self.unset == Some(text) => Some(Value::Unset),
             Kind::Number { .. } | Kind::Integer { .. } => text.parse().ok().map(Value::Number),
-            Kind::Choice(_) | Kind::Text | Kind::Source { .. } | Kind::Output(_) => {
+            Kind::Choice(_) | Kind::Text | Kind::Target | Kind::Source { .. } | Kind::Output(_) => {
                 Some(Value::Text(text.to_owned()))
             }
             Kind::Vector { .. } => list(text, ','),
@@ -165,6 +167,7 @@ impl Field {
             (Value::Text(text), Kind::Choice(words)) => words.contains(&text.as_str()),
             (Value::Text(text), Kind::Color { words, .. }) => words.contains(&text.as_str()),
             (Value::Text(text), Kind::Text) => !text.is_empty(),
+            (Value::Text(text), Kind::Target) => super::Target::parse(text).is_some(),
             (Value::Text(text), Kind::Source { builtins, .. }) => {
                 match text.strip_prefix("builtin:") {
                     Some(name) => builtins.contains(&name),
@@ -201,6 +204,7 @@ impl Field {
             Kind::Integer { min, max } => format!("a whole number {}", range(min, max)),
             Kind::Choice(words) => format!("one of {}", words.join(", ")),
             Kind::Text => "a name".to_owned(),
+            Kind::Target => "an error such as 20% or a frame time such as 50ms".to_owned(),
             Kind::Source { builtins, words } => {
                 let mut ways = vec!["a file".to_owned()];
                 ways.extend(builtins.iter().map(|name| format!("builtin:{name}")));
@@ -231,6 +235,7 @@ impl Field {
             Kind::Integer { .. } => "N",
             Kind::Choice(_) => "WORD",
             Kind::Text => "NAME",
+            Kind::Target => "TARGET",
             Kind::Source { .. } => "SOURCE",
             Kind::Output(_) => "FILE",
             Kind::Vector { .. } => "X,Y,Z",

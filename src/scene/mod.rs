@@ -10,12 +10,14 @@ mod fibre;
 mod field;
 mod preset;
 mod table;
+mod target;
 
 pub use camera::{Camera, CameraSpec, Lens, Orbit, View};
 pub use fibre::{ChiangSpec, FibreSpec, Pigment};
 pub use field::{Alternative, Field, Kind, Value};
 pub use preset::{PRESETS, Preset};
 pub use table::FIELDS;
+pub use target::Target;
 
 use std::path::Path;
 
@@ -87,8 +89,8 @@ pub struct EnvironmentSpec {
     pub rotation_deg: f64,
     /// Stops: the light is multiplied by 2^exposure.
     pub exposure: f64,
-    /// Number of SRBF lights fitted to the map.
-    pub lights: u32,
+    /// Number of SRBF lights fitted to the map; `None` is left to the quality asked for.
+    pub lights: Option<u32>,
 }
 
 /// How the frame is computed.
@@ -99,8 +101,10 @@ pub struct RenderSpec {
     pub nodes: Option<u32>,
     /// Of `xu`: m of the longitudinal quadrature (Xu 2011, §4.2.2).
     pub segments: u32,
-    /// Coverage samples a pixel.
-    pub samples: u32,
+    /// Coverage samples a pixel; `None` is left to the quality asked for.
+    pub samples: Option<u32>,
+    /// `None`: the other fields say it.
+    pub quality: Option<Target>,
     pub scattering: Scattering,
     pub energies: Energies,
     /// `auto`, `cpu`, or part of an adapter's name.
@@ -202,7 +206,7 @@ impl Default for HeadSpec {
 
 impl Default for EnvironmentSpec {
     fn default() -> Self {
-        Self { source: "builtin:studio".to_owned(), rotation_deg: 0.0, exposure: 0.0, lights: 40 }
+        Self { source: "builtin:studio".to_owned(), rotation_deg: 0.0, exposure: 0.0, lights: None }
     }
 }
 
@@ -212,7 +216,8 @@ impl Default for RenderSpec {
             method: Method::Fast,
             nodes: None,
             segments: 4,
-            samples: 16,
+            samples: None,
+            quality: None,
             scattering: Scattering::Both,
             energies: Energies::Quadrature,
             adapter: "auto".to_owned(),

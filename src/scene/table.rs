@@ -125,7 +125,8 @@ pub static FIELDS: &[Field] = &[
         environment.lights,
         "lights",
         Kind::Integer { min: 1.0, max: 256.0 },
-        "lights fitted to the map"
+        "lights fitted to the map; auto is 40, or what the quality needs",
+        unset: Some("auto")
     ),
     field!(
         fibre.model,
@@ -323,7 +324,15 @@ pub static FIELDS: &[Field] = &[
         render.samples,
         "samples",
         Kind::Integer { min: 1.0, max: 1024.0 },
-        "samples a pixel: time for quality"
+        "samples a pixel; auto is 16, or what the quality needs",
+        unset: Some("auto")
+    ),
+    field!(
+        render.quality,
+        "quality",
+        Kind::Target,
+        "picks what is auto for an error against path tracing or a frame time",
+        unset: Some("auto")
     ),
     field!(
         render.scattering,

@@ -74,6 +74,9 @@ struct StepCounts {
     end: usize,
 }
 
+/// A map whose radiance varies by less, relative to its greatest, is one light.
+const EVEN: f32 = 1e-3;
+
 /// Sample directions are summed in this many groups, so that sums do not depend on the number of
 /// threads.
 const GROUPS: usize = 8;
@@ -129,13 +132,30 @@ pub fn fit(env: &Environment, n: usize, progress: &(dyn Fn(f32) -> bool + Sync))
         "cannot fit lights to an empty environment"
     );
     let map = Harmonics::of_map(env, band_of_blur(VIEWS[0].0));
-    let lights = if map.integral().iter().sum::<f64>() > 0.0 {
+    let lights = if let Some(rgb) = even(env) {
+        vec![SrbfLight { direction: DVec3::Y, lambda: LAMBDA_RANGE[1], rgb }]
+    } else if map.integral().iter().sum::<f64>() > 0.0 {
         Fitter::new(env, &map, progress).run(n)?
     } else {
         vec![SrbfLight { direction: DVec3::Y, lambda: 1.0, rgb: [0.0; 3] }]
     };
     let fit = Fit::measured_by(env, &map, lights);
     Ok(Fit { seconds: start.elapsed().as_secs_f64(), ..fit })
+}
+
+/// The radiance of a map that is the same from everywhere, within [`EVEN`] of its greatest.
+fn even(env: &Environment) -> Option<[f64; 3]> {
+    let mut range = [[f32::INFINITY; 3], [0.0; 3]];
+    for pixel in &env.pixels {
+        for c in 0..3 {
+            range[0][c] = range[0][c].min(pixel[c]);
+            range[1][c] = range[1][c].max(pixel[c]);
+        }
+    }
+    let [low, high] = range;
+    let most = high.into_iter().fold(0.0, f32::max);
+    let is_even = most > 0.0 && (0..3).all(|c| high[c] - low[c] <= EVEN * most);
+    is_even.then(|| [0, 1, 2].map(|c| 0.5 * f64::from(low[c] + high[c])))
 }
 
 /// A light while it is fitted. Its energy, in units of the map's, stays put when λ moves.

@@ -27,7 +27,7 @@ use volume::Volume;
 
 /// Cells along the longest edge of the density volume. On sintel without its head under 24 lights of city,
 /// mean |ΔT̃| over all points is 0.057 at 64, 0.051 at 96, 0.048 at 128 and 0.043 at 256.
-pub const RESOLUTION: usize = 96;
+const RESOLUTION: usize = 96;
 /// A query steps this many cells towards the light, so that a strand does not shade itself. Over the points that a
 /// frame shows and all lights the mean ΔT̃ is −0.031, −0.011, +0.013 and +0.027 at ¼, ½, ¾ and 1, and mean |ΔT̃|
 /// 0.081, 0.078, 0.081 and 0.084 (sintel with its head, san_giuseppe_bridge; builtin bob: 0.064, 0.064, 0.069,
@@ -84,6 +84,19 @@ impl Reach {
 pub fn lobe_directions(light: &SrbfLight) -> Vec<DVec3> {
     let count = (30.0 * light.lambda.powi(2)).ceil().clamp(1.0, MAX_DIRECTIONS as f64) as usize;
     sample_lobe(light, count)
+}
+
+/// How much transport is to know.
+#[derive(Clone, Copy, Debug)]
+pub struct Detail {
+    /// Cells along the longest edge of the density volume.
+    pub cells: usize,
+    /// Whether light counts that more than one strand has scattered.
+    pub multiple: bool,
+}
+
+impl Detail {
+    pub const USUAL: Detail = Detail { cells: RESOLUTION, multiple: true };
 }
 
 /// What stands in the light's way.
@@ -163,7 +176,13 @@ impl Occluders<'_> {
 
     /// One light (world frame): its reach at each of `points`, and the irradiance, linear RGB, that
     /// comes through the hair to each vertex of the head.
-    pub fn reach(&self, light: &SrbfLight, points: &[Vec3]) -> (Vec<Reach>, Vec<Vec3>) {
+    /// `beyond` is 0 unless `multiple` scattering asks for it.
+    pub fn reach(
+        &self,
+        light: &SrbfLight,
+        points: &[Vec3],
+        multiple: bool,
+    ) -> (Vec<Reach>, Vec<Vec3>) {
         let directions = lobe_directions(light);
         let weight = 1.0 / directions.len() as f32;
         let irradiance =
@@ -175,7 +194,9 @@ impl Occluders<'_> {
         for way in self.ways(&directions) {
             for (mean, &p) in means.iter_mut().zip(points) {
                 let (open, tau, beyond) = way.look(self.volume.to_cells(p));
-                mean.beyond += weight * (-0.5 * beyond).exp();
+                if multiple {
+                    mean.beyond += weight * (-0.5 * beyond).exp();
+                }
                 if open > 0.0 {
                     let quarter = (-0.25 * tau).exp();
                     mean.open += weight * open;
@@ -200,24 +221,28 @@ impl Occluders<'_> {
 pub struct Transport {
     /// Packed [`Reach`]: `reach[j][i]` is light j at point i.
     pub reach: Vec<Vec<u32>>,
-    /// Of each point: [`Occluders::surroundings`].
+    /// Of each point: [`Occluders::surroundings`]; 0 without multiple scattering.
     pub surroundings: Vec<u32>,
     /// Irradiance at the head's vertices, linear RGB; empty without a head.
     pub head_irradiance: Vec<Vec3>,
+    /// Look-ups of optical depth that this took: of a place along a direction.
+    pub looks: u64,
 }
 
-/// The transport of `lights` to `points` and to the head. `tick` is called once a light is done; false
+/// The transport of `lights` to `points` and to the head; without `multiple` scattering only what direct light needs.
+/// `tick` is called once a light is done; false
 /// cancels, and the result is then None.
 pub fn transport(
     occluders: &Occluders,
     lights: &[SrbfLight],
     points: &[Vec3],
+    multiple: bool,
     tick: &(dyn Fn() -> bool + Sync),
 ) -> Option<Transport> {
     let each: Option<Vec<(Vec<u32>, Vec<Vec3>)>> = lights
         .par_iter()
         .map(|light| {
-            let (reach, irradiance) = occluders.reach(light, points);
+            let (reach, irradiance) = occluders.reach(light, points, multiple);
             tick().then(|| (reach.into_iter().map(Reach::pack).collect(), irradiance))
         })
         .collect();
@@ -227,6 +252,12 @@ pub fn transport(
     for one in irradiance {
         head_irradiance.iter_mut().zip(one).for_each(|(sum, e)| *sum += e);
     }
-    let surroundings = occluders.surroundings(points, HEAD_ALBEDO);
-    Some(Transport { reach, surroundings, head_irradiance })
+    let directions: usize = lights.iter().map(|light| lobe_directions(light).len()).sum();
+    let mut looks = directions * (points.len() + vertices);
+    let mut surroundings = vec![0; points.len()];
+    if multiple {
+        surroundings = occluders.surroundings(points, HEAD_ALBEDO);
+        looks += WAYS_OUT * points.len();
+    }
+    Some(Transport { reach, surroundings, head_irradiance, looks: looks as u64 })
 }

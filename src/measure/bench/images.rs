@@ -22,6 +22,7 @@ use crate::gpu::frame::{Background, Frame, Parts, Renderer};
 use crate::measure::compare::{Report, compare};
 use crate::measure::read::Picture;
 use crate::progress::Clock;
+use crate::quality::Settings;
 use crate::reference::model_of;
 use crate::reference::tracer::film::Film;
 use crate::reference::tracer::light::Light;
@@ -32,7 +33,7 @@ use crate::reference::transmittance::RealStrands;
 use crate::scene::{Bcsdf, FibreSpec, Lens, PRESETS, Scene};
 use crate::srbf::{self, SrbfLight};
 use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights};
-use crate::transport::Transport;
+use crate::transport::{Detail, Transport};
 
 /// The seed of path tracing that is judged; the truth's is 0.
 const OTHER_SEED: u32 = 1;
@@ -294,7 +295,8 @@ fn fit_lights(
         srbf::fit_cached(environment, count as usize, progress)
     })?;
     let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
-    let transport = bring_lights(&mut view.renderer, view.stage, &lights, &view.points, clock)?;
+    let transport =
+        bring_lights(&mut view.renderer, view.stage, &lights, &view.points, &Detail::USUAL, clock)?;
     Ok((fit, lights, transport))
 }
 
@@ -307,7 +309,7 @@ fn light<'a>(
     clock: &Clock,
 ) -> Result<Lit<'a>> {
     let (fit, lights, transport) =
-        fit_lights(view, scene, environment, scene.environment.lights, clock)?;
+        fit_lights(view, scene, environment, Settings::of(scene).lights, clock)?;
     let rays = RealStrands::new(view.stage);
     let done = AtomicUsize::new(0);
     let exact_reach: Option<Vec<Vec<u32>>> = clock.watch("exact reach", |progress| {
