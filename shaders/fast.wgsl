@@ -98,7 +98,7 @@ fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum
         single_inside(fibre, theta_o, light, 2u, AZIMUTH_TRT, light.columns.trt),
         vec3f(),
     );
-    if LONGER {
+    if has_mode(3u) {
         modes.longer = single_inside(fibre, theta_o, light, 3u, AZIMUTH_TRRT, light.columns.trrt);
     }
     return modes;
@@ -167,7 +167,7 @@ fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f
         global_mode(fibre, theta_o, spread, column, 2u),
         vec3f(),
     );
-    if LONGER {
+    if has_mode(3u) {
         modes.longer = global_mode(fibre, theta_o, spread, column, 3u);
     }
     return modes;
@@ -236,7 +236,7 @@ fn shares(fibre: Fibre, theta: f32) -> Shares {
         + first * first * absorbed(energy_weights(eta, 4u, cos_theta), r * r);
     var forward_longer = vec3f();
     var longer = vec3f();
-    if LONGER {
+    if has_mode(3u) {
         let third = first * first * first;
         let rest = rest_energy(fibre, cos_theta);
         forward_longer = third * absorbed(energy_weights(eta, 7u, cos_theta), r * r * r) + 0.5 * rest;

@@ -18,8 +18,7 @@ struct Fibre {
 
 // What a scene lacks costs nothing: set when the pipeline is made.
 override ECCENTRIC: bool = true;
-override LONGER: bool = true;   // paths longer than TRT
-override MODES: u32 = 15u;      // bit t: mode t is bright enough to be seen
+override MODES: u32 = 15u;      // bit t: mode t is there and bright enough to be seen; 3 is all past TRT
 override PARTS: u32 = 7u;       // SINGLE | GLOBAL | LOCAL
 override COUNT: bool = false;   // whether work is counted
 

@@ -132,7 +132,6 @@ impl MethodData {
         vec![
             ("ECCENTRIC", f64::from(self.general || self.fibre.eta_layers > 1)),
             ("MODES", f64::from(modes)),
-            ("LONGER", f64::from(modes >> 3)),
         ]
     }
 }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::causes::{self, Causes};
-use super::method::{BASELINE, Method, table_bytes};
+use super::method::{Method, table_bytes};
 use super::statistics::Spread;
 use super::{Context, Effort, Groom};
 use crate::capture::bring_lights;
@@ -70,6 +70,7 @@ pub struct TracedRow {
 /// Another number of lights.
 #[derive(Clone, Debug, Serialize)]
 pub struct LightsRow {
+    pub method: String,
     /// Asked of the fit.
     pub fitted: u32,
     /// Shaded: wide ones are split.
@@ -453,7 +454,7 @@ fn picture(
     Ok((image, truths.swap_remove(0).1))
 }
 
-/// The baseline under other numbers of lights.
+/// What is taken apart by cause, under other numbers of lights.
 fn by_lights(
     view: &mut View,
     scene: &Scene,
@@ -463,25 +464,27 @@ fn by_lights(
     context: &Context,
 ) -> Result<Vec<LightsRow>> {
     let &Context { methods, effort, tables, clock } = context;
-    let method = &methods[BASELINE.min(methods.len() - 1)];
-    view.renderer.set_method(&method.data(&fibre.resolve(), tables));
     let mut rows = Vec::new();
     for &fitted in effort.lights {
         let (fit, lights, _) = fit_lights(view, scene, environment, fitted, clock)?;
-        let mut times = Vec::new();
-        let mut frame = view.render(ALL)?.0;
-        for _ in 0..effort.frame_rounds {
-            let (next, ms) = view.render(ALL)?;
-            frame = next;
-            times.push(ms);
+        for method in methods.iter().filter(|method| method.by_cause) {
+            view.renderer.set_method(&method.data(&fibre.resolve(), tables));
+            let mut times = Vec::new();
+            let mut frame = view.render(ALL)?.0;
+            for _ in 0..effort.frame_rounds {
+                let (next, ms) = view.render(ALL)?;
+                frame = next;
+                times.push(ms);
+            }
+            rows.push(LightsRow {
+                method: method.label(),
+                fitted,
+                lights: lights.len(),
+                shade_ms: Spread::of(&times),
+                error: error_of(&compare(&picture_of_frame(&frame), truth)?),
+                fit_error: fit.relative_l2_blurred_0_30,
+            });
         }
-        rows.push(LightsRow {
-            fitted,
-            lights: lights.len(),
-            shade_ms: Spread::of(&times),
-            error: error_of(&compare(&picture_of_frame(&frame), truth)?),
-            fit_error: fit.relative_l2_blurred_0_30,
-        });
     }
     Ok(rows)
 }

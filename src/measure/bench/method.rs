@@ -70,10 +70,10 @@ const fn fast(setting: &'static str, nodes: u32) -> Method {
     }
 }
 
-/// The same of d'Eon's fibre.
+/// `fast` of d'Eon's fibre.
 const fn deon(setting: &'static str, nodes: u32) -> Method {
     Method {
-        name: "fast, deon",
+        name: "deon",
         data: |method, fibre, _| MethodData::fast(fibre, Model::Deon, method.nodes),
         exact: Bcsdf::Deon,
         by_cause: false,

@@ -222,9 +222,17 @@ fn picture(out: &mut String, image: &Image) {
     if !image.by_lights.is_empty() {
         table(
             out,
-            &["lights fitted", "shaded", "shading, ms", "error", "of the fit (blurred by 0.3)"],
+            &[
+                "method",
+                "lights fitted",
+                "shaded",
+                "shading, ms",
+                "error",
+                "of the fit (blurred by 0.3)",
+            ],
             image.by_lights.iter().map(|row| {
                 vec![
+                    row.method.clone(),
                     row.fitted.to_string(),
                     row.lights.to_string(),
                     spread(row.shade_ms, 1),
