@@ -250,6 +250,8 @@ impl Renderer {
     /// `transport.reach[j][k]` is light j at point `points[k]`. Segments with other points are no longer drawn: from
     /// the cameras that [`Self::visible_points`] was asked for they are hidden anyway, and leaving them
     /// out rasterises the same frame in a quarter of the time (sintel).
+    ///
+    /// Comes after [`Self::set_method`], which says how many lights a pass may sum.
     pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], transport: &Transport) {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
         let fair = lights.iter().map(power).sum::<f64>() / lights.len().max(1) as f64;
@@ -278,6 +280,7 @@ impl Renderer {
         let device = &self.gpu.device;
         let limit = device.limits().max_storage_buffer_binding_size;
         let per_group = (limit / (4 * points.len().max(1) as u64)).max(1) as usize;
+        let per_group = per_group.min(self.method.lights_a_pass());
         self.groups = transport
             .reach
             .chunks(per_group)
@@ -290,7 +293,8 @@ impl Renderer {
             .collect();
     }
 
-    /// Sets the method, its fibre and tables; geometry and lights stay.
+    /// Sets the method, its fibre and tables; geometry and lights stay. To or from exact integrals lights are to be
+    /// set anew.
     pub fn set_method(&mut self, method: &MethodData) {
         self.method = method.clone();
         self.shading.clear();

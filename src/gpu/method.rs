@@ -122,6 +122,12 @@ impl MethodData {
         Self { general: true, ..self }
     }
 
+    /// Most lights that a dispatch may sum: lavapipe ends all loops of an invocation, without a word, after 65,535
+    /// rounds of them together, of which a light takes up to 200, and 3,100 where its integrals are exact.
+    pub fn lights_a_pass(&self) -> usize {
+        if self.exact_single { 16 } else { 256 }
+    }
+
     /// What the shader is specialised by: see shaders/fibre.wgsl.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
         let modes = match self.integrator {

@@ -97,12 +97,14 @@ pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
     // Where no shader has the exact integrals, the method's own stand for them and the cause is nothing.
     if let Some(exact) = exact_single {
         view.renderer.set_method(exact);
+        view.renderer.set_lights(&lit.lights, &view.points, &lit.exact);
     }
     let by_both = shot(view, ALL)?;
     let single_exact = shot(view, SINGLE)?;
     view.renderer.set_lights(&lit.lights, &view.points, &lit.transport);
     let by_integral = shot(view, ALL)?;
     view.renderer.set_method(data);
+    view.renderer.set_lights(&lit.lights, &view.points, &lit.transport);
 
     // Coverage comes from the traced picture that the result is not judged by: noise that both share would be
     // taken for agreement.
