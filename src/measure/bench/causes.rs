@@ -20,13 +20,13 @@ use serde::Serialize;
 
 use super::Effort;
 use super::images::{ALL, Asked, Lit, NONE, SINGLE, View, error_of, picture_of_frame};
-use super::method::Method;
+use super::method::{Method, exact_single};
+use crate::gpu::frame::Parts;
 use crate::gpu::method::MethodData;
 use crate::measure::compare::compare;
 use crate::measure::read::Picture;
 use crate::progress::Clock;
-use crate::scene::Bcsdf;
-use crate::scene::FibreSpec;
+use crate::scene::{Bcsdf, FibreSpec};
 
 /// Names of [`Causes::parts`], in order.
 pub const CAUSES: [&str; 5] =
@@ -58,53 +58,72 @@ pub struct Causes {
 pub(super) struct Subject<'a> {
     pub method: &'a Method,
     pub data: &'a MethodData,
-    /// With single scattering by dense quadrature, where there is a shader for the model.
-    pub exact_single: Option<&'a MethodData>,
     pub lit: &'a Lit<'a>,
     pub truth: &'a Picture,
-    /// [`truths_by_lights`].
-    pub fitted: &'a Picture,
-    pub fitted_single: &'a Picture,
+    pub model: &'a OfModel,
 }
 
-/// The truth under the fitted lights, of all scattering and of one event alone: of a model, whatever the method.
-pub(super) fn truths_by_lights(
-    view: &View,
-    bcsdf: Bcsdf,
-    fibre: &FibreSpec,
-    lit: &Lit,
-    effort: &Effort,
-    clock: &Clock,
-) -> Result<[Picture; 2]> {
-    let truth = |max_depth| {
-        let asked = Asked { fibre, bcsdf, light: &lit.fitted, max_depth, seed: 2 };
-        clock
-            .watch("truth by lights", |progress| view.truth(&asked, effort.truth_samples, progress))
-    };
-    Ok([truth(u32::MAX)?, truth(1)?])
+/// What the methods of one model share: the truth under the fitted lights, and single scattering by exact integrals.
+pub(super) struct OfModel {
+    fitted: Picture,
+    fitted_single: Picture,
+    /// By the frame's reach and by the exact one; None where no shader has them.
+    exact_single: Option<[Picture; 2]>,
 }
 
-/// Finds the causes; the view keeps the lights and reach that it had.
+impl OfModel {
+    /// Leaves another method set in the view.
+    pub fn new(
+        view: &mut View,
+        bcsdf: Bcsdf,
+        fibre: &FibreSpec,
+        lit: &Lit,
+        effort: &Effort,
+        clock: &Clock,
+    ) -> Result<OfModel> {
+        let truth = |max_depth| {
+            let asked = Asked { fibre, bcsdf, light: &lit.fitted, max_depth, seed: 2 };
+            clock.watch("truth by lights", |progress| {
+                view.truth(&asked, effort.truth_samples, progress)
+            })
+        };
+        let (fitted, fitted_single) = (truth(u32::MAX)?, truth(1)?);
+        let mut singles = None;
+        if let Some(data) = exact_single(bcsdf, &fibre.resolve()) {
+            view.renderer.set_method(&data);
+            let mut by = |reach| {
+                view.renderer.set_lights(&lit.lights, &view.points, reach);
+                shot(view, SINGLE)
+            };
+            singles = Some([by(&lit.transport)?, by(&lit.exact)?]);
+        }
+        Ok(OfModel { fitted, fitted_single, exact_single: singles })
+    }
+}
+
+fn shot(view: &mut View, parts: Parts) -> Result<Picture> {
+    Ok(picture_of_frame(&view.render(parts)?.0))
+}
+
+/// Finds the causes; the view keeps the method and lights of a frame.
 pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
-    let Subject { method, data, exact_single, lit, truth, fitted, fitted_single } = *subject;
+    let Subject { method, data, lit, truth, model } = *subject;
+    let OfModel { fitted, fitted_single, exact_single } = model;
     view.renderer.set_method(data);
-    let shot = |view: &mut View, parts| anyhow::Ok(picture_of_frame(&view.render(parts)?.0));
-    let frame = shot(view, ALL)?;
-    let head = shot(view, NONE)?;
-    let single = shot(view, SINGLE)?;
     view.renderer.set_lights(&lit.lights, &view.points, &lit.exact);
     let by_reach = shot(view, ALL)?;
+    let single_by_reach = shot(view, SINGLE)?;
+    view.renderer.set_lights(&lit.lights, &view.points, &lit.transport);
+    let frame = shot(view, ALL)?;
+    let single = shot(view, SINGLE)?;
+    let head = shot(view, NONE)?;
     // Where no shader has the exact integrals, the method's own stand for them and the cause is nothing.
-    if let Some(exact) = exact_single {
-        view.renderer.set_method(exact);
-        view.renderer.set_lights(&lit.lights, &view.points, &lit.exact);
-    }
-    let by_both = shot(view, ALL)?;
-    let single_exact = shot(view, SINGLE)?;
-    view.renderer.set_lights(&lit.lights, &view.points, &lit.transport);
-    let by_integral = shot(view, ALL)?;
-    view.renderer.set_method(data);
-    view.renderer.set_lights(&lit.lights, &view.points, &lit.transport);
+    let [exact_by_transport, single_exact] = match exact_single {
+        Some([by_transport, by_rays]) => [by_transport, by_rays],
+        None => [&single, &single_by_reach],
+    };
+    let by_integral = moved(&frame, exact_by_transport, &single);
+    let by_both = moved(&by_reach, single_exact, &single_by_reach);
 
     // Coverage comes from the traced picture that the result is not judged by: noise that both share would be
     // taken for agreement.
@@ -137,7 +156,7 @@ pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
             },
         ],
         single: error(&single, fitted_single)?,
-        single_exact: error(&covered(&single_exact, truth), fitted_single)?,
+        single_exact: error(&covered(single_exact, truth), fitted_single)?,
     })
 }
 
@@ -145,12 +164,12 @@ fn noiseless(picture: &Picture) -> Picture {
     Picture { variance: None, ..picture.clone() }
 }
 
-/// `truth` + `a` − `b`, so that its distance from the truth is that of a and b, in the truth's norm.
-fn moved(truth: &Picture, a: &Picture, b: &Picture) -> Picture {
-    let rgb = truth.rgb.iter().zip(&a.rgb).zip(&b.rgb);
+/// `whole` + `a` − `b`: with a part of it exchanged, or as far from it as they are from each other.
+fn moved(whole: &Picture, a: &Picture, b: &Picture) -> Picture {
+    let rgb = whole.rgb.iter().zip(&a.rgb).zip(&b.rgb);
     Picture {
-        rgb: rgb.map(|((t, a), b)| [0, 1, 2].map(|c| t[c] + a[c] - b[c])).collect(),
-        ..noiseless(truth)
+        rgb: rgb.map(|((w, a), b)| [0, 1, 2].map(|c| w[c] + a[c] - b[c])).collect(),
+        ..noiseless(whole)
     }
 }
 

@@ -11,7 +11,7 @@ use anyhow::{Result, bail};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::causes::{self, Causes};
+use super::causes::{self, Causes, OfModel};
 use super::method::{Method, table_bytes};
 use super::statistics::Spread;
 use super::{Context, Effort, Groom};
@@ -396,7 +396,7 @@ fn picture(
     let pairs = (view.points.len() * lit.lights.len()) as f64;
     let mut frames = Vec::new();
     let mut found = Vec::new();
-    let mut by_lights: Vec<(Bcsdf, [Picture; 2])> = Vec::new();
+    let mut of_models: Vec<(Bcsdf, OfModel)> = Vec::new();
     for (k, method) in methods.iter().enumerate() {
         let Some(frame) = &last[k] else { continue };
         let report = compare(&picture_of_frame(frame), truth(method))?;
@@ -411,23 +411,14 @@ fn picture(
                 / report.mean_ratio.iter().flatten().count().max(1) as f64,
         });
         if method.by_cause {
-            let exact = method.exact_single(&resolved, tables);
-            if by_lights.iter().all(|(bcsdf, _)| *bcsdf != method.exact) {
-                let truths =
-                    causes::truths_by_lights(view, method.exact, fibre, lit, effort, clock)?;
-                by_lights.push((method.exact, truths));
+            if of_models.iter().all(|(bcsdf, _)| *bcsdf != method.exact) {
+                let of = OfModel::new(view, method.exact, fibre, lit, effort, clock)?;
+                of_models.push((method.exact, of));
             }
-            let (_, [fitted, fitted_single]) =
-                by_lights.iter().find(|(bcsdf, _)| *bcsdf == method.exact).expect("one a model");
-            let subject = causes::Subject {
-                method,
-                data: &data[k],
-                exact_single: exact.as_ref(),
-                lit,
-                truth: truth(method),
-                fitted,
-                fitted_single,
-            };
+            let (_, model) =
+                of_models.iter().find(|(bcsdf, _)| *bcsdf == method.exact).expect("one a model");
+            let subject =
+                causes::Subject { method, data: &data[k], lit, truth: truth(method), model };
             found.push(causes::measure(view, &subject)?);
         }
     }

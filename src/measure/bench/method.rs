@@ -98,12 +98,12 @@ impl Method {
             _ => Box::new(Marschner::new(fibre)),
         }
     }
+}
 
-    /// The same method with single scattering by dense quadrature, where there is a shader for its model.
-    pub fn exact_single(&self, fibre: &Fibre, tables: &Tables) -> Option<MethodData> {
-        (self.exact == Bcsdf::Marschner)
-            .then(|| MethodData { exact_single: true, ..self.data(fibre, tables) })
-    }
+/// A model's single scattering by dense quadrature, its energy made up for by four nodes; where there is a shader.
+pub fn exact_single(model: Bcsdf, fibre: &Fibre) -> Option<MethodData> {
+    (model == Bcsdf::Marschner)
+        .then(|| MethodData { exact_single: true, ..MethodData::fast(fibre, Model::Marschner, 4) })
 }
 
 /// Bytes of the tables that the shader reads for one fibre.

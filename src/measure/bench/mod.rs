@@ -58,27 +58,27 @@ impl Effort {
     /// Three minutes on two slow cores.
     pub const QUICK: Effort = Effort {
         points: 16,
-        timed: 1 << 16,
+        timed: 1 << 15,
         rounds: 5,
-        size: [64, 64],
+        size: [40, 40],
         samples: 16,
         frame_rounds: 2,
         maps: MAPS,
         pictures: &[("black", "studio"), ("blond", "sunset"), ("white", "overcast")],
-        truth_samples: 128,
+        truth_samples: 192,
         traced: &[1, 4, 16],
         rays: 8,
         lights: &[10],
-        strands: 1200,
+        strands: 1000,
     };
 
     pub const FULL: Effort = Effort {
-        points: 64,
-        timed: 1 << 18,
-        rounds: 15,
-        size: [192, 192],
-        samples: 64,
-        frame_rounds: 5,
+        points: 32,
+        timed: 1 << 17,
+        rounds: 9,
+        size: [96, 96],
+        samples: 16,
+        frame_rounds: 3,
         maps: MAPS,
         pictures: &[
             ("black", "studio"),
@@ -93,9 +93,9 @@ impl Effort {
         ],
         truth_samples: 256,
         traced: &[1, 4, 16, 64],
-        rays: 64,
+        rays: 32,
         lights: &[10, 20, 40, 80],
-        strands: 6000,
+        strands: 3000,
     };
 }
 
