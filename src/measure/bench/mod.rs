@@ -65,7 +65,7 @@ impl Effort {
         frame_rounds: 2,
         maps: MAPS,
         pictures: &[("black", "studio"), ("blond", "sunset"), ("white", "overcast")],
-        truth_samples: 192,
+        truth_samples: 128,
         traced: &[1, 4, 16],
         rays: 8,
         lights: &[10],
