@@ -120,6 +120,7 @@ impl<'a> Fast<'a> {
 
     /// 𝓜_t^G of Eq 27, without energy compensation: light that came forward through other strands, of spread σ_f
     /// (a bandwidth of θ) about θ_j, per unit of its radiance integrated over direction.
+    /// ψ_f is [`von_mises`]: Xu's Gaussian over its normaliser (Eq 5) piles up even light about θ = 0, by e^{σ_f²/4}.
     pub fn global_scattering(&self, theta_o: f64, theta_j: f64, phi: f64, sigma_f: f64) -> Modes {
         self.modes(|mode| {
             let eta = self.mean_eta(mode);
