@@ -185,3 +185,51 @@ fn a_tiny_run_measures_everything() {
     assert!(image.traced[0].error > image.traced[1].error, "more samples, less noise");
     assert!(bench.integrals.brute_force[0].modes[0] > bench.integrals.brute_force[3].modes[0]);
 }
+
+/// Causes of both grooms, three colours under three maps: the README's table, a row a picture.
+#[test]
+#[ignore = "by hand, minutes, with ../shared/data: prints the README's table of causes"]
+fn by_hand_causes_over_colours_and_maps() {
+    static GO_ON: AtomicBool = AtomicBool::new(false);
+    let effort = Effort {
+        points: 1,
+        timed: 1024,
+        rounds: 1,
+        size: [64, 64],
+        frame_rounds: 1,
+        pictures: Effort::FULL.pictures,
+        traced: &[1],
+        strands: 3000,
+        ..Effort::QUICK
+    };
+    let mut bob = Scene::default();
+    bob.hair.strands = effort.strands;
+    let mut sintel = Scene::default();
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
+    sintel.hair.source = format!("{data}/hair/sintel.hair");
+    sintel.head.source = format!("{data}/head/sintel.obj");
+    let grooms = [("bob", bob), ("sintel", sintel)]
+        .map(|(name, scene)| Groom { name: name.to_owned(), scene });
+    let fast = METHODS.iter().find(|method| method.name == "fast").expect("it is measured");
+    let mut clock = Clock::new(Reporting { quiet: true, cancelled: &GO_ON });
+    let methods = [METHODS[BASELINE], *fast];
+    let bench = bench::measure(cpu(), &methods, &grooms, &effort, true, &mut clock).unwrap();
+    for image in &bench.images {
+        let causes: Vec<String> = image
+            .causes
+            .iter()
+            .map(|c| {
+                let parts = c.parts.iter().map(|part| format!("{:.1}", 100.0 * part.alone));
+                format!("{:.0} | {}", 100.0 * c.whole, parts.collect::<Vec<_>>().join(" / "))
+            })
+            .collect();
+        println!("| {} | {} |", image.name(), causes.join(" | "));
+    }
+    // Multiple scattering was the largest cause.
+    let multiple = |k: usize| {
+        let of = bench.images.iter().map(|image| image.causes[k].parts[4].alone.powi(2));
+        (of.sum::<f64>() / bench.images.len() as f64).sqrt()
+    };
+    println!("multiple scattering, rms: xu {:.3}, fast {:.3}", multiple(0), multiple(1));
+    assert!(multiple(1) < multiple(0));
+}

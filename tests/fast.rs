@@ -189,8 +189,8 @@ fn fast_of_deon_is_within_a_percent() {
 }
 
 #[test]
-#[ignore = "minutes: the whole grid of the paper's error"]
-fn fast_over_the_whole_grid() {
+#[ignore = "by hand, minutes: the whole grid of the paper's error"]
+fn by_hand_the_whole_grid() {
     let places = places(40);
     let all = settings(&[1.45, 1.55, 1.65], &[0.0, 0.2, 0.6, 1.0, 3.0], &[5.0, 7.5, 10.0]);
     let runs = [2, 3, 4].map(|nodes| (Model::Marschner, nodes)).into_iter();
@@ -296,8 +296,8 @@ fn cost(gpu: &Gpu, method: &MethodData, body: &str) -> f64 {
 }
 
 #[test]
-#[ignore = "a measurement: prints what a point and light costs beside xu"]
-fn cost_beside_xu() {
+#[ignore = "by hand: prints what a point and light costs beside xu"]
+fn by_hand_cost_beside_xu() {
     let gpu = cpu();
     let fibre = Fibre { sigma_a: [0.1, 0.3, 0.7], ..fibre(1.55, 0.0, 7.5) };
     let single = "let m = single_scattering(fibre, x[0].x, x[0].y + d, x[0].z + d, x[0].w, x[1].x); sum += m.r + m.tt + m.trt + m.longer;";

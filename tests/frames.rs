@@ -349,6 +349,34 @@ fn dense_white_hair_sends_back_most_of_what_it_gets_and_no_more() {
 }
 
 #[test]
+fn no_light_and_a_light_of_a_million_give_a_frame() {
+    let folder = tempdir().unwrap();
+    write_tuft(folder.path());
+    for (radiance, bcsdf) in [(0.0, "marschner"), (1e6, "marschner"), (0.0, "deon"), (1e6, "deon")]
+    {
+        let pixel = |x, y| if (x, y) == (20, 8) { radiance } else { 0f32 };
+        write_rgb_file(folder.path().join("sun.exr"), 64, 32, |x, y| {
+            (pixel(x, y), pixel(x, y), pixel(x, y))
+        })
+        .unwrap();
+        let scene =
+            "--hair strands.hair --env sun.exr --size 48x48 --background transparent -o frame.exr";
+        let arguments: Vec<&str> =
+            scene.split_whitespace().chain(["--bcsdf", bcsdf, "--preset", "white"]).collect();
+        captured(folder.path(), &arguments);
+        let frame = Linear::read(&folder.path().join("frame.exr"));
+        let values = || frame.rgba[..3].iter().flatten().copied();
+        assert!(values().all(|v| v.is_finite() && v >= 0.0), "{radiance}, {bcsdf}");
+        let most = values().fold(0.0, f32::max);
+        println!("{bcsdf}, a light of {radiance}: at most {most}");
+        assert!(
+            if radiance == 0.0 { most == 0.0 } else { most > 10.0 },
+            "{radiance}, {bcsdf}: {most}"
+        );
+    }
+}
+
+#[test]
 fn a_thin_strand_covers_its_own_area() {
     const SIDE: f32 = 128.0;
     let folder = tempdir().unwrap();

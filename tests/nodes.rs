@@ -255,8 +255,8 @@ fn nodes_meet_their_bars_over_the_grid() {
 }
 
 #[test]
-#[ignore = "minutes: prints the table of src/scattering/nodes.rs"]
-fn the_whole_grid() {
+#[ignore = "by hand, minutes: prints the table of src/scattering/nodes.rs"]
+fn by_hand_the_whole_grid() {
     for model in [Model::Marschner, Model::Deon] {
         for p in 0..3 {
             report(&format!("{model:?} {p}"), &over_the_grid(model, p, true));
