@@ -158,6 +158,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         Some(lens) => renderer.count(lens, settings.samples, parts)?,
         None => Done::default(),
     };
+    let facts = facts(&lights);
     let mut passes = clock.steps.clone();
     let Frame { passes: timed, shaded, .. } = frame;
     if timed.is_empty() {
@@ -208,8 +209,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         },
         quality: Quality {
             settings,
-            expected: facts(&lights).expected(&settings, fit.relative_l2_blurred_0_30),
-            facts: facts(&lights),
+            expected: facts.expected(&settings, fit.relative_l2_blurred_0_30),
+            facts,
         },
         timing: Timing { frame_ms, setup_ms, total_ms: clock.total_ms(), passes },
         memory: Memory::now(),

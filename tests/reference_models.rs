@@ -339,10 +339,10 @@ fn samples_follow_the_stated_density() {
     }
 }
 
-/// One model's samples under another's density.
-struct Wrong<T>(T, T);
+/// One model's samples under another's density, and no cosine series.
+pub(super) struct Mixed<T>(pub(super) T, pub(super) T);
 
-impl<T: FibreModel> FibreModel for Wrong<T> {
+impl<T: FibreModel> FibreModel for Mixed<T> {
     fn lobes(&self) -> usize {
         self.0.lobes()
     }
@@ -382,8 +382,8 @@ fn a_wrong_density_is_found_out() {
     let chiang = |beta_n| Chiang::new(0.3, beta_n, 0.03, 1.55, BROWN);
     let deon = |alpha| Deon::new(&linked(BROWN, 0.13, alpha), 0.2, 3);
     let wrong: [(&str, Box<dyn FibreModel>); 2] = [
-        ("chiang, β_n 2 % off", Box::new(Wrong(chiang(0.3), chiang(0.306)))),
-        ("deon, shift 0.5° off", Box::new(Wrong(deon(-0.05), deon(-0.059)))),
+        ("chiang, β_n 2 % off", Box::new(Mixed(chiang(0.3), chiang(0.306)))),
+        ("deon, shift 0.5° off", Box::new(Mixed(deon(-0.05), deon(-0.059)))),
     ];
     for (name, model) in wrong {
         assert!(chi_square::test(name, model.as_ref(), &o, Some(0.3), 400_000, 1) < 1e-6, "{name}");

@@ -69,7 +69,6 @@ pub fn run(command: &mut Command, matches: &ArgMatches) -> Result<()> {
     let number = |name| matches.get_one::<u32>(name).copied();
     let options = ReferenceOptions {
         spp: number("spp").unwrap_or(64),
-        bcsdf: scene.fibre.model,
         max_depth: number("max-depth").unwrap_or(u32::MAX),
         lighting: if word(matches, "lighting") == "srbf" { Lighting::Srbf } else { Lighting::Map },
         sampling: match word(matches, "sampling") {

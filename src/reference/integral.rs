@@ -30,7 +30,7 @@ use super::{
 };
 use crate::scattering::{
     azimuthal::wrap,
-    gaussian::{concentration, g_circular, i0e},
+    gaussian::{bessel_steps, concentration, g_circular, i0e},
 };
 
 /// The relative error promised; [`Integral::excess`] is a multiple of it.
@@ -197,16 +197,8 @@ pub fn azimuthal_integral(
 
 /// The same from N_p's cosine series: Σ_k a_k 2π I_k(κ) e^{−κ} cos kφ, κ ≤ [`SERIES_KAPPA`].
 fn series_integral(series: &[[f64; 3]], phi: f64, kappa: f64) -> [f64; 3] {
-    // I_k/I_{k−1} by its continued fraction, from so far up that where it began is forgotten.
     let begin = series.len() + 8 + (6.0 * kappa.sqrt()) as usize;
-    let mut ratios = vec![1.0; series.len()];
-    let mut ratio = 0.0;
-    for k in (1..=begin).rev() {
-        ratio = kappa / (2.0 * k as f64 + kappa * ratio);
-        if let Some(kept) = ratios.get_mut(k) {
-            *kept = ratio;
-        }
-    }
+    let ratios = bessel_steps(kappa, series.len(), begin);
     let mut bessel = TAU * i0e(kappa);
     let mut sum = [0.0; 3];
     for (k, (a, ratio)) in series.iter().zip(&ratios).enumerate() {

@@ -31,9 +31,9 @@ use model::FibreModel;
 pub const DEON_LOBES: usize = 4;
 
 /// The model of a scene's fibre.
-pub fn model_of(bcsdf: Bcsdf, spec: &FibreSpec) -> Box<dyn FibreModel> {
+pub fn model_of(spec: &FibreSpec) -> Box<dyn FibreModel> {
     let fibre = spec.resolve();
-    match bcsdf {
+    match spec.model {
         Bcsdf::Marschner => Box::new(Marschner::compensated(&fibre)),
         // The published form loses or makes up to 15 % where β and α differ from lobe to lobe.
         Bcsdf::Deon => Box::new(Deon::conserving(&fibre, fibre.w_c / SQRT_2, DEON_LOBES)),

@@ -21,7 +21,6 @@ use crate::image::{Format, write_display, write_exr};
 use crate::measure::read::read_image;
 use crate::progress::{Clock, Reporting};
 use crate::quality::Settings;
-use crate::scene::Bcsdf;
 use crate::scene::{Background, Lens, Scene};
 use crate::srbf;
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
@@ -45,7 +44,6 @@ pub enum Lighting {
 pub struct ReferenceOptions {
     /// Samples a pixel, all runs together.
     pub spp: u32,
-    pub bcsdf: Bcsdf,
     /// Most scattering events of a path; 1 is direct light alone.
     pub max_depth: u32,
     pub lighting: Lighting,
@@ -93,7 +91,7 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     let Geometry { hair, diameters, frames, head, center, .. } = &stage;
     let strands = Strands::new(hair, diameters, frames, pieces, *center);
     let skin = head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center));
-    let model = model_of(options.bcsdf, &scene.fibre);
+    let model = model_of(&scene.fibre);
     let traced = TraceScene {
         strands: &strands,
         skin: skin.as_ref(),
@@ -151,11 +149,9 @@ fn identity(
     scene.output = crate::scene::OutputSpec { size: scene.output.size, ..Default::default() };
     scene.render = Default::default();
     let mut hasher = blake3::Hasher::new();
-    let ReferenceOptions { bcsdf, max_depth, lighting, seed, sampling, .. } = options;
+    let ReferenceOptions { max_depth, lighting, seed, sampling, .. } = options;
     hasher.update(scene.to_toml().as_bytes());
-    hasher.update(
-        format!("{VERSION} {bcsdf:?} {max_depth} {lighting:?} {seed} {sampling:?}").as_bytes(),
-    );
+    hasher.update(format!("{VERSION} {max_depth} {lighting:?} {seed} {sampling:?}").as_bytes());
     hasher.update(map.content_hash().as_bytes());
     hasher.update(bytemuck::cast_slice(&stage.hair.points));
     hasher.update(bytemuck::cast_slice(&stage.diameters));

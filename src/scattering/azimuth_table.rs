@@ -44,6 +44,7 @@ use rayon::prelude::*;
 use super::{
     azimuthal::{exit_azimuth, wrap},
     fresnel::fresnel,
+    gaussian::bessel_steps,
     quadrature::GaussLegendre,
     tables::place,
 };
@@ -204,15 +205,7 @@ fn deficit_to_layer(d: f64) -> f64 {
 
 /// I_k/I₀(κ), k = 0 … until they are below 1e-6, by the continued fraction of I_k/I_{k−1} from its far end.
 fn bessel_ratios(kappa: f64) -> Vec<f64> {
-    let mut steps = [0.0; ORDERS];
-    let mut step = 0.0;
-    for k in (1..2 * ORDERS).rev() {
-        step = kappa / (2.0 * k as f64 + kappa * step);
-        if k < ORDERS {
-            steps[k] = step;
-        }
-    }
-    steps[0] = 1.0;
+    let steps = bessel_steps(kappa, ORDERS, 2 * ORDERS - 1);
     let products = steps.iter().scan(1.0, |product, step| {
         *product *= step;
         Some(*product)

@@ -132,6 +132,20 @@ pub fn i0e(x: f64) -> f64 {
     sum / (TAU * x).sqrt()
 }
 
+/// I_k/I_{k−1}(κ) for k from 1 to `count` − 1, with 1 at 0: the continued fraction from its `begin`th term, which is to
+/// lie so far up that where it began is forgotten.
+pub fn bessel_steps(kappa: f64, count: usize, begin: usize) -> Vec<f64> {
+    let mut steps = vec![1.0; count];
+    let mut step = 0.0;
+    for k in (1..=begin).rev() {
+        step = kappa / (2.0 * k as f64 + kappa * step);
+        if let Some(kept) = steps.get_mut(k) {
+            *kept = step;
+        }
+    }
+    steps
+}
+
 /// The error function, absolute error below 1e-15: its series with positive terms, then its
 /// continued fraction.
 pub fn erf(x: f64) -> f64 {

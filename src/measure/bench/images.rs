@@ -145,7 +145,7 @@ impl View<'_> {
         samples: u32,
         progress: &(dyn Fn(f32) -> bool + Sync),
     ) -> Result<()> {
-        let model = model_of(asked.bcsdf, asked.fibre);
+        let model = model_of(&FibreSpec { model: asked.bcsdf, ..asked.fibre.clone() });
         let scene = TraceScene {
             strands: &self.strands,
             skin: self.skin.as_ref(),
