@@ -16,7 +16,7 @@ use crate::quality::{self, Costs, Facts, Settings, TRIAL_LIGHTS};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{self, Lens, Scattering, Scene};
 use crate::srbf::{self, SrbfLight};
-use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
+use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, shaded_lights};
 use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Quality, Stats,
     Timing, TransportFigures, Work,
@@ -78,7 +78,9 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     };
     let mut settings = Settings::of(scene);
     if let Some(target) = scene.render.quality {
-        let (lights, error) = quality::trial_lights(&fit_lights(TRIAL_LIGHTS, &clock)?, scene);
+        let trial = fit_lights(TRIAL_LIGHTS, &clock)?;
+        let lights = shaded_lights(&trial.lights, scene);
+        let error = trial.relative_l2_blurred_0_30;
         let (visibility_ms, points) =
             quality::quickest(|| Ok(renderer.visible_points(&lenses[..1], pieces, 4)?.len()))?;
         let costs = Costs {
@@ -99,7 +101,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let points = renderer.visible_points(&lenses, pieces, settings.samples)?;
     clock.step("visibility")?;
 
-    let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
+    let lights = shaded_lights(&fit.lights, scene);
     let detail = Detail { cells: settings.cells, multiple: parts.multiple() };
     renderer.negligible = settings.negligible;
     let transport = bring_lights(&mut renderer, &stage, &lights, &points, &detail, &clock)?;

@@ -33,8 +33,7 @@ use crate::scattering::fast::{Fast, MEAN_INCLINATION, Tables};
 use crate::scattering::fibre::Fibre;
 use crate::scattering::model::Model;
 use crate::scene::{Scene, Target};
-use crate::srbf::{self, Fit, SrbfLight};
-use crate::stage::place_lights;
+use crate::srbf::{self, SrbfLight};
 use crate::transport::Detail;
 
 /// What error is bought with.
@@ -284,11 +283,6 @@ impl Pick {
             self.expected
         )
     }
-}
-
-/// The fit of [`TRIAL_LIGHTS`] as the scene places it: lights as they are shaded, and its error.
-pub fn trial_lights(fit: &Fit, scene: &Scene) -> (Vec<SrbfLight>, f64) {
-    (srbf::split_wide(&place_lights(&fit.lights, scene)), fit.relative_l2_blurred_0_30)
 }
 
 /// Root mean square over mean of what lights send, blurred by λ = 0.3, over directions and channels.

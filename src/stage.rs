@@ -11,7 +11,7 @@ use crate::head::{self, Head};
 use crate::image::luminance;
 use crate::progress::Clock;
 use crate::scene::{Camera, Lens, Scene};
-use crate::srbf::SrbfLight;
+use crate::srbf::{SrbfLight, split_wide};
 use crate::transport::volume::Volume;
 
 /// Diffuse reflectance of the head: warm clay.
@@ -130,6 +130,11 @@ pub fn place_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
             ..*light
         })
         .collect()
+}
+
+/// [`place_lights`] as frames shade them: wide ones split.
+pub fn shaded_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
+    split_wide(&place_lights(lights, scene))
 }
 
 /// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings the map's

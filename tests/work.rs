@@ -10,7 +10,7 @@ use hairlight::progress::{Clock, Reporting};
 use hairlight::scattering::model::Model;
 use hairlight::scene::{FibreSpec, Lens, PRESETS, Scene};
 use hairlight::srbf::{self, SrbfLight};
-use hairlight::stage::{Geometry, place_lights};
+use hairlight::stage::{Geometry, shaded_lights};
 use hairlight::transport::Detail;
 use serde_json::Value;
 use tempfile::tempdir;
@@ -119,7 +119,7 @@ impl Shot {
 fn fitted(map: &str, count: usize) -> Vec<SrbfLight> {
     let map = environment::load(&format!("builtin:{map}")).unwrap().environment;
     let fit = srbf::fit(&map, count, &|_| true).unwrap();
-    srbf::split_wide(&place_lights(&fit.lights, &Scene::default()))
+    shaded_lights(&fit.lights, &Scene::default())
 }
 
 fn fibre(preset: &str, eccentricity: f64) -> FibreSpec {

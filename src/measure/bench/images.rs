@@ -3,6 +3,8 @@
 //! The truth is traced in-process under the map itself; its own noise is taken out of every error by its
 //! variance, as `compare` does. A frame's time is that of its shading pass: what a method changes.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::f64::consts::SQRT_2;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -32,7 +34,7 @@ use crate::reference::tracer::{Sampling, TraceScene, trace};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{Bcsdf, FibreSpec, Lens, PRESETS, Scene};
 use crate::srbf::{self, SrbfLight};
-use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights};
+use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights, shaded_lights};
 use crate::transport::{Detail, Transport};
 
 /// The seed of path tracing that is judged; the truth's is 0.
@@ -295,7 +297,7 @@ fn fit_lights(
     let fit = clock.watch("fitting lights", |progress| {
         srbf::fit_cached(environment, count as usize, progress)
     })?;
-    let lights = srbf::split_wide(&place_lights(&fit.lights, scene));
+    let lights = shaded_lights(&fit.lights, scene);
     let transport =
         bring_lights(&mut view.renderer, view.stage, &lights, &view.points, &Detail::USUAL, clock)?;
     Ok((fit, lights, transport))
@@ -348,15 +350,13 @@ fn picture(
         let asked = Asked { fibre, bcsdf, light: &lit.map, max_depth: u32::MAX, seed: 0 };
         clock.watch("truth", |progress| view.truth(&asked, effort.truth_samples, progress))
     };
-    let mut truths: Vec<(Bcsdf, Picture)> = Vec::new();
+    let mut truths = BTreeMap::new();
     for method in methods {
-        if truths.iter().all(|(bcsdf, _)| *bcsdf != method.exact) {
-            truths.push((method.exact, truth_of(view, method.exact)?));
+        if let Entry::Vacant(place) = truths.entry(method.exact) {
+            place.insert(truth_of(view, method.exact)?);
         }
     }
-    let truth = |method: &Method| {
-        &truths.iter().find(|(bcsdf, _)| *bcsdf == method.exact).expect("one a model").1
-    };
+    let truth = |method: &Method| &truths[&method.exact];
 
     // Path tracing of another seed, judged on its way.
     let asked = Asked {
@@ -396,7 +396,7 @@ fn picture(
     let pairs = (view.points.len() * lit.lights.len()) as f64;
     let mut frames = Vec::new();
     let mut found = Vec::new();
-    let mut of_models: Vec<(Bcsdf, OfModel)> = Vec::new();
+    let mut of_models = BTreeMap::new();
     for (k, method) in methods.iter().enumerate() {
         let Some(frame) = &last[k] else { continue };
         let report = compare(&picture_of_frame(frame), truth(method))?;
@@ -411,12 +411,12 @@ fn picture(
                 / report.mean_ratio.iter().flatten().count().max(1) as f64,
         });
         if method.by_cause {
-            if of_models.iter().all(|(bcsdf, _)| *bcsdf != method.exact) {
-                let of = OfModel::new(view, method.exact, fibre, lit, effort, clock)?;
-                of_models.push((method.exact, of));
-            }
-            let (_, model) =
-                of_models.iter().find(|(bcsdf, _)| *bcsdf == method.exact).expect("one a model");
+            let model = match of_models.entry(method.exact) {
+                Entry::Occupied(there) => there.into_mut(),
+                Entry::Vacant(place) => {
+                    place.insert(OfModel::new(view, method.exact, fibre, lit, effort, clock)?)
+                }
+            };
             let subject =
                 causes::Subject { method, data: &data[k], lit, truth: truth(method), model };
             found.push(causes::measure(view, &subject)?);
@@ -442,7 +442,7 @@ fn picture(
         causes: found,
         by_lights: Vec::new(),
     };
-    Ok((image, truths.swap_remove(0).1))
+    Ok((image, truth(&methods[0]).clone()))
 }
 
 /// What is taken apart by cause, under other numbers of lights.

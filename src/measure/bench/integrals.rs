@@ -5,6 +5,8 @@
 //! ±75° and all φ, by points of low discrepancy, most of them where the lobe meets the light, which the weights w
 //! undo. One set for all methods of a model.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::f64::consts::{PI, TAU};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -27,7 +29,6 @@ use crate::scattering::fibre::Fibre;
 use crate::scattering::gaussian::concentration;
 use crate::scattering::longitudinal::longitudinal_bandwidth;
 use crate::scattering::tables::Tables;
-use crate::scene::Bcsdf;
 
 const ETAS: [f64; 3] = [1.45, 1.55, 1.65];
 const BETAS_DEG: [f64; 3] = [5.0, 7.5, 10.0];
@@ -351,18 +352,16 @@ pub fn measure(
     progress: &(dyn Fn(f32) -> bool + Sync),
 ) -> Result<Integrals> {
     let part = |from: f32, to: f32| move |done: f32| progress(from + done * (to - from));
-    let mut sets: Vec<(Bcsdf, Set)> = Vec::new();
+    let mut sets = BTreeMap::new();
     for method in methods {
-        if sets.iter().all(|(exact, _)| *exact != method.exact) {
+        if let Entry::Vacant(place) = sets.entry(method.exact) {
             let Some(set) = Set::new(method, effort.points, &part(0.0, 0.6)) else {
                 bail!("cancelled")
             };
-            sets.push((method.exact, set));
+            place.insert(set);
         }
     }
-    let set_of = |method: &Method| {
-        &sets.iter().find(|(exact, _)| *exact == method.exact).expect("one a model").1
-    };
+    let set_of = |method: &Method| &sets[&method.exact];
     let timed = |what, progress: &dyn Fn(f32) -> bool| {
         time(gpu, methods, tables, what, set_of(&methods[0]), effort, progress)
     };
