@@ -265,8 +265,9 @@ fn families<'a>(labels: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     names
 }
 
-/// A panel of named points (time, error), its Pareto front dashed.
+/// A panel of named points (time, error), its Pareto front dashed. An error within the noise has no place.
 fn scatter(title: String, x_label: &str, points: &[(String, [f64; 2])]) -> Curves {
+    let points: Vec<_> = points.iter().filter(|p| p.1[1] > 0.0).collect();
     let mut series = Vec::new();
     let places: Vec<[f64; 2]> = points.iter().map(|p| p.1).collect();
     let mut front: Vec<[f64; 2]> =
