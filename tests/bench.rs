@@ -8,7 +8,7 @@ use hairlight::gpu::probe::{INPUTS, run};
 use hairlight::measure::bench::integrals::Set;
 use hairlight::measure::bench::method::{BASELINE, METHODS, Method, exact_single};
 use hairlight::measure::bench::statistics::{Spread, pareto, rms};
-use hairlight::measure::bench::{self, Effort, Groom};
+use hairlight::measure::bench::{self, Bench, Effort, Groom};
 use hairlight::measure::plot::{Axis, Bars, Part, Plot};
 use hairlight::probe::{Quantity, Request};
 use hairlight::progress::{Clock, Reporting};
@@ -142,10 +142,20 @@ fn a_wrong_setting_ranks_worse() {
     assert!(Set::new(&METHODS[BASELINE], 2, &|_| false).is_none());
 }
 
+/// The default method.
+fn fast() -> Method {
+    *METHODS.iter().find(|method| method.name == "fast").expect("it is measured")
+}
+
+fn measured(methods: &[Method], grooms: &[Groom], effort: &Effort) -> Bench {
+    static GO_ON: AtomicBool = AtomicBool::new(false);
+    let mut clock = Clock::new(Reporting { quiet: true, cancelled: &GO_ON });
+    bench::measure(cpu(), methods, grooms, effort, true, &mut clock).unwrap()
+}
+
 /// A whole run, small: every figure is there and is a number, and the frames' errors are told apart.
 #[test]
 fn a_tiny_run_measures_everything() {
-    static GO_ON: AtomicBool = AtomicBool::new(false);
     let effort = Effort {
         points: 1,
         timed: 1024,
@@ -165,10 +175,8 @@ fn a_tiny_run_measures_everything() {
     bob.hair.strands = effort.strands;
     bob.environment.lights = Some(4);
     let groom = Groom { name: "bob".to_owned(), scene: bob };
-    let mut clock = Clock::new(Reporting { quiet: true, cancelled: &GO_ON });
-    let fast = METHODS.iter().find(|method| method.name == "fast").expect("it is measured");
-    let methods = [Method { by_cause: false, ..METHODS[0] }, *fast];
-    let bench = bench::measure(cpu(), &methods, &[groom], &effort, true, &mut clock).unwrap();
+    let methods = [Method { by_cause: false, ..METHODS[0] }, fast()];
+    let bench = measured(&methods, &[groom], &effort);
     let image = &bench.images[0];
     println!("{image:#?}");
     assert_eq!((image.frames.len(), image.traced.len(), image.causes.len()), (2, 2, 1));
@@ -190,7 +198,6 @@ fn a_tiny_run_measures_everything() {
 #[test]
 #[ignore = "by hand, minutes, with ../shared/data: prints the README's table of causes"]
 fn by_hand_causes_over_colours_and_maps() {
-    static GO_ON: AtomicBool = AtomicBool::new(false);
     let effort = Effort {
         points: 1,
         timed: 1024,
@@ -210,10 +217,8 @@ fn by_hand_causes_over_colours_and_maps() {
     sintel.head.source = format!("{data}/head/sintel.obj");
     let grooms = [("bob", bob), ("sintel", sintel)]
         .map(|(name, scene)| Groom { name: name.to_owned(), scene });
-    let fast = METHODS.iter().find(|method| method.name == "fast").expect("it is measured");
-    let mut clock = Clock::new(Reporting { quiet: true, cancelled: &GO_ON });
-    let methods = [METHODS[BASELINE], *fast];
-    let bench = bench::measure(cpu(), &methods, &grooms, &effort, true, &mut clock).unwrap();
+    let methods = [METHODS[BASELINE], fast()];
+    let bench = measured(&methods, &grooms, &effort);
     for image in &bench.images {
         let causes: Vec<String> = image
             .causes
