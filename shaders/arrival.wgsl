@@ -35,16 +35,12 @@ struct Arrival {
     cos_sum: f32,       // cos(φ_o + φ_j)
     lambda: f32,
     energy: f32,        // E_j = ∫G_j dω
-    least: f32,         // share that must arrive to matter
+    rgb: vec3f,         // L_j
+    least: f32,         // radiance that must arrive to matter
     direct: f32,        // T̃
     beyond: f32,        // mean of e^(−τ′/2), τ′ behind the point
     depth: Depth,
-}
-
-// What a light makes of a strand, per unit of its coefficient L_j.
-struct Lit {
-    radiance: vec3f,
-    field: vec3f,       // for field_scattering
+    field: vec3f,       // radiance along an ordinate that other strands have scattered
 }
 
 fn square(x: f32) -> f32 {

@@ -20,15 +20,12 @@ const AZIMUTH_R = AzimuthGrid(0u, 20u, 23u, 9u);
 const AZIMUTH_TT = AzimuthGrid(4140u, 20u, 32u, 14u);
 const AZIMUTH_TRT = AzimuthGrid(13100u, 32u, 40u, 16u);
 const AZIMUTH_TRRT = AzimuthGrid(33580u, 28u, 40u, 12u);
-// [mode][row][column] and [row][entry].
-const AZIMUTH_GLOBAL_FIRST = 47020u;
-const AZIMUTH_GLOBAL_ROWS = 20u;
-const AZIMUTH_GLOBAL_COLUMNS = 25u;
-const AZIMUTH_ENERGY_FIRST = 49020u;
+// [row][entry].
+const AZIMUTH_ENERGY_FIRST = 47020u;
 const AZIMUTH_ENERGY_ROWS = 64u;
-const AZIMUTH_ENERGY_SIZE = 9u;
+const AZIMUTH_ENERGY_SIZE = 5u;
 // Entries of one η.
-const AZIMUTH_SIZE = 49596u;
+const AZIMUTH_SIZE = 47340u;
 // Place of the narrowest layer, (1−⟨cos⟩)^¼ of σ = 0.03.
 const AZIMUTH_LAYER_FIRST: f32 = 0.145647532;
 
@@ -96,14 +93,6 @@ fn azimuth(grid: AzimuthGrid, base: u32, cos_theta_d: f32, column: Row, layer: f
         + unpack(azimuth_table[last]) * least;
 }
 
-// Bilinear at entry i and its neighbours.
-fn azimuth_patch(i: u32, columns: u32, f_row: f32, f_column: f32) -> vec4f {
-    let j = i + columns;
-    let near = mix(unpack(azimuth_table[i]), unpack(azimuth_table[i + 1u]), f_column);
-    let far = mix(unpack(azimuth_table[j]), unpack(azimuth_table[j + 1u]), f_column);
-    return mix(near, far, f_row);
-}
-
 // P_R.
 fn azimuth_r(base: u32, cos_theta_d: f32, column: Row, layer: f32) -> f32 {
     let row = row_of(cos_theta_d, AZIMUTH_R.rows);
@@ -114,16 +103,8 @@ fn azimuth_r(base: u32, cos_theta_d: f32, column: Row, layer: f32) -> f32 {
     return max(mix(pair.x, pair.y, column.f), 0.0);
 }
 
-// Four weights of 𝒩^G_p, Eq 28; p crossings, 0 to 3; column among AZIMUTH_GLOBAL_COLUMNS of |φ|/π.
-fn azimuth_global(base: u32, p: u32, cos_theta_d: f32, column: Row) -> vec4f {
-    let row = row_of(cos_theta_d, AZIMUTH_GLOBAL_ROWS);
-    let line = p * AZIMUTH_GLOBAL_ROWS + row.first;
-    let i = base + AZIMUTH_GLOBAL_FIRST + line * AZIMUTH_GLOBAL_COLUMNS + column.first;
-    return azimuth_patch(i, AZIMUTH_GLOBAL_COLUMNS, row.f, column.f);
-}
-
-// Four weights of an energy: entry 2p is E_p, 2p+1 its forward share, the last E of all longer paths, whose
-// absorption is azimuth_rest_absorption.
+// Four weights of an energy: entry p is E_p, the last E of all longer paths, whose absorption is
+// azimuth_rest_absorption.
 fn azimuth_energy(base: u32, entry: u32, cos_theta_d: f32) -> vec4f {
     let row = row_of(cos_theta_d, AZIMUTH_ENERGY_ROWS);
     let i = base + AZIMUTH_ENERGY_FIRST + row.first * AZIMUTH_ENERGY_SIZE + entry;

@@ -1,10 +1,7 @@
-// The fast method. Twin: src/scattering/fast.rs, which states units, errors and the dual scattering.
+// The fast method. Twin: src/scattering/fast.rs, which states units and errors.
 //
 // Way of the data: lobe_of joins a light's lobe over θ_i with M_t, node_place finds its Gauss rule; at each
 // node the inner integral over φ is a place in azimuth_table, and absorption two exponentials.
-
-const DIFFUSIVITY: f32 = 1.3;
-const MEAN_INCLINATION: f32 = 0.5;
 
 // The fibre is a file of its own, marschner.wgsl or deon.wgsl, which defines SLOPE, Lengthwise, lengthwise, own_blur,
 // sight and energy_compensation.
@@ -43,16 +40,7 @@ fn weights_at(eta: EtaPlace, grid: AzimuthGrid, cos_path: f32, column: Row, laye
     return weights;
 }
 
-// Four weights of 𝒩^G_t.
-fn global_weights(eta: EtaPlace, t: u32, cos_path: f32, column: Row) -> vec4f {
-    let weights = azimuth_global(eta.base, t, cos_path, column);
-    if ECCENTRIC {
-        return mix(weights, azimuth_global(eta.base + AZIMUTH_SIZE, t, cos_path, column), eta.f);
-    }
-    return weights;
-}
-
-// Four weights of E_t, or of its forward share.
+// Four weights of E_t.
 fn energy_weights(eta: EtaPlace, entry: u32, cos_theta: f32) -> vec4f {
     let weights = azimuth_energy(eta.base, entry, cos_theta);
     if ECCENTRIC {
@@ -64,7 +52,7 @@ fn energy_weights(eta: EtaPlace, entry: u32, cos_theta: f32) -> vec4f {
 // E of all paths longer than TRRT.
 fn rest_energy(fibre: Fibre, cos_theta: f32) -> vec3f {
     let eta = eta_place(fibre, fibre.eta);
-    return transmitted(energy_weights(eta, 8u, cos_theta), 1.0, azimuth_rest_absorption(eta.eta, cos_theta),
+    return transmitted(energy_weights(eta, 4u, cos_theta), 1.0, azimuth_rest_absorption(eta.eta, cos_theta),
         fibre.sigma_a);
 }
 
@@ -155,24 +143,6 @@ fn single_inside(fibre: Fibre, theta_o: f32, light: Lobewise, t: u32, grid: Azim
     return lobe_share(lobe) * sum;
 }
 
-// 𝓜_t^G, Eq 27 and 28, without energy compensation, per unit of forward-scattered radiance integrated over
-// direction. σ_f is a bandwidth of θ.
-fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f: f32) -> Modes {
-    let v = 0.5 * sigma_f * sigma_f;
-    let spread = Spread(theta_j, sigma_f, cos_near(theta_j) / v, von_mises_scale(v));
-    let column = row_of(abs(phi) / PI, AZIMUTH_GLOBAL_COLUMNS);
-    var modes = Modes(
-        global_mode(fibre, theta_o, spread, column, 0u),
-        global_mode(fibre, theta_o, spread, column, 1u),
-        global_mode(fibre, theta_o, spread, column, 2u),
-        vec3f(),
-    );
-    if has_mode(3u) {
-        modes.longer = global_mode(fibre, theta_o, spread, column, 3u);
-    }
-    return modes;
-}
-
 // 1/2πv(1−e^{−2/v}): what makes exp((cos x − 1)/v) a density over the sphere.
 fn von_mises_scale(v: f32) -> f32 {
     // v(1−e^{−2/v}) is 2 − 2/v + … for a wide lobe, where it cancels.
@@ -180,122 +150,36 @@ fn von_mises_scale(v: f32) -> f32 {
     return 1.0 / (TWO_PI * normaliser);
 }
 
-// ψ_f over θ_i: `spread` of the twin.
-struct Spread {
-    theta: f32,
-    sigma: f32,
-    kappa: f32,     // cosθ_j/v
-    scale: f32,
-}
+const FORWARD = false;
 
-fn global_mode(fibre: Fibre, theta_o: f32, spread: Spread, column: Row, t: u32) -> vec3f {
-    let m = lengthwise(fibre, theta_o, t);
-    let lobe = lobe_of(theta_o, spread.theta, spread.sigma, m.centre, m.lambda, SLOPE[t]);
-    var sum = vec3f();
-    for (var lit = has_mode(t) && lobe_share(lobe) > 0.0; lit; lit = false) {
-        let place = node_place(lobe);
-        let eta = mean_eta(fibre, t);
-        for (var k = 0u; k < fibre.nodes; k++) {
-            let node = node_at(place, k);
-            let s = 2.0 * sin_near(0.5 * (node.theta - spread.theta)) / spread.sigma;
-            let at = sight(theta_o, m, node, -s * s);
-            let weight = at.weight * spread.scale * circular_integral(max(spread.kappa * at.cos_i, 0.0));
-            let weights = global_weights(eta, t, at.cos_path, column);
-            if t == 0u {
-                sum += weight * weights.x;
-            } else {
-                sum += weight * transmitted(weights, f32(t), azimuth_absorption(eta.eta, at.cos_path), fibre.sigma_a);
-            }
-            if t == 3u {
-                sum += weight * rest_energy(fibre, at.cos_path) / TWO_PI;
-            }
-        }
-    }
-    return lobe_share(lobe) * sum;
-}
-
-// Shares of the light along an inclination that a strand scatters.
-struct Shares {
-    a_f: vec3f,         // into the half space that it heads for
-    a_b: vec3f,         // back
-    beta_f2: vec3f,     // what one forward crossing adds to σ_f², a bandwidth² of θ
-}
-
-fn shares(fibre: Fibre, theta: f32) -> Shares {
-    let cos_theta = max(cos(theta), 0.0);
-    let eta = eta_place(fibre, fibre.eta);
-    let absorption = azimuth_absorption(fibre.eta, cos_theta);
-    // One crossing; of two all is squared.
-    let first = exp(-absorption.x * fibre.sigma_a);
-    let r = exp(-absorption.y * fibre.sigma_a);
-    let reflected = vec2f(dot(energy_weights(eta, 0u, cos_theta), vec4f(1.0)),
-        dot(energy_weights(eta, 1u, cos_theta), vec4f(1.0)));
-    let forward_tt = first * absorbed(energy_weights(eta, 3u, cos_theta), r);
-    let forward_trt = first * first * absorbed(energy_weights(eta, 5u, cos_theta), r * r);
-    let whole = vec3f(reflected.x) + first * absorbed(energy_weights(eta, 2u, cos_theta), r)
-        + first * first * absorbed(energy_weights(eta, 4u, cos_theta), r * r);
-    var forward_longer = vec3f();
-    var longer = vec3f();
-    if has_mode(3u) {
-        let third = first * first * first;
-        let rest = rest_energy(fibre, cos_theta);
-        forward_longer = third * absorbed(energy_weights(eta, 7u, cos_theta), r * r * r) + 0.5 * rest;
-        longer = third * absorbed(energy_weights(eta, 6u, cos_theta), r * r * r) + rest;
-    }
-    let a_f = max(vec3f(reflected.y) + forward_tt + forward_trt + forward_longer, vec3f());
-    // (2√2 β)² = λ_M².
-    let square = fibre.lambda * fibre.lambda;
-    let beta_f2 = reflected.y * square.x + forward_tt * square.y + (forward_trt + forward_longer) * square.z;
-    return Shares(a_f, max(whole + longer - a_f, vec3f()), beta_f2 / max(a_f, vec3f(1e-9)));
-}
-
+// What all lights share at a point.
 struct Strand {
     theta_o: f32,
     energy: vec3f,      // energy compensation of R, TT, TRT
-    field: vec3f,       // by which the field is multiplied
 }
 
-fn strand_at(fibre: Fibre, theta_o: f32, around: Depth) -> Strand {
-    return Strand(theta_o, energy_compensation(fibre, theta_o), field_gain(fibre, theta_o, around) / (4.0 * PI));
+fn strand_at(fibre: Fibre, theta_o: f32) -> Strand {
+    return Strand(theta_o, energy_compensation(fibre, theta_o));
 }
 
-// J to radiance towards the eye.
-fn field_gain(fibre: Fibre, theta_o: f32, around: Depth) -> vec3f {
-    let mean = shares(fibre, MEAN_INCLINATION);
-    let here = shares(fibre, theta_o);
-    let s = max(1.0 - mean.a_f, vec3f(1e-6));
-    let kept = 1.0 - through(around, min(DIFFUSIVITY * s, vec3f(1.0)));
-    let back = min(mean.a_b / (DIFFUSIVITY * s), vec3f(1.0));
-    return (here.a_f + here.a_b) * kept * back / max(1.0 - back * kept, vec3f(1e-6));
-}
-
-fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> Lit {
-    let a = shares(fibre, arrival.theta_j);
-    let arriving = through(arrival.depth, 1.0 - a.a_f);
-    let forward = max(arriving - arrival.direct, vec3f());
-
+// Light that other strands have scattered is a light like any: src/field.
+fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> vec3f {
+    var arriving = vec3f();
+    if ((parts & SINGLE) != 0u) {
+        arriving = arrival.direct * arrival.rgb;
+    }
+    if ((parts & (GLOBAL | LOCAL)) != 0u) {
+        arriving += arrival.field;
+    }
+    let most = max(arriving.x, max(arriving.y, arriving.z));
     var scattered = vec3f();
-    for (var lit = (parts & SINGLE) != 0u && arrival.direct >= arrival.least; lit; lit = false) {
+    for (var lit = most >= arrival.least && most > 0.0; lit; lit = false) {
         if COUNT {
             done.single += 1u;
         }
-        set_exponent_max(arrival.direct, arrival.least);
+        set_exponent_max(most, arrival.least);
         let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
-        scattered += arrival.direct * compensated(strand.energy, m);
+        scattered = arriving * compensated(strand.energy, m);
     }
-    for (var lit = (parts & GLOBAL) != 0u && any(forward >= vec3f(arrival.least)); lit; lit = false) {
-        if COUNT {
-            done.global += 1u;
-        }
-        set_exponent_max(max(forward.x, max(forward.y, forward.z)), arrival.least);
-        let spread2 = dot(scatterings(arrival.depth, a.a_f) * a.beta_f2, vec3f(1.0 / 3.0));
-        let sigma_f = sqrt(arrival.lambda * arrival.lambda + spread2);
-        let m = global_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);
-        scattered += arrival.energy * forward * compensated(strand.energy, m);
-    }
-    return Lit(scattered, arrival.energy * arriving);
-}
-
-fn field_scattering(strand: Strand, field: vec3f) -> vec3f {
-    return strand.field * field;
+    return scattered;
 }

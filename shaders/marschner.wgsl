@@ -47,5 +47,5 @@ fn energy_compensation(fibre: Fibre, theta_o: f32) -> vec3f {
 }
 
 fn clear_energy(eta: EtaPlace, t: u32, cos_theta: f32) -> f32 {
-    return max(dot(energy_weights(eta, 2u * t, max(cos_theta, 0.0)), vec4f(1.0)), 1e-9);
+    return max(dot(energy_weights(eta, t, max(cos_theta, 0.0)), vec4f(1.0)), 1e-9);
 }

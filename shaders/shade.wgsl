@@ -1,9 +1,10 @@
 // Radiance of each needed strand point towards the eye: the sum over SRBF lights of what the method makes of
 // their arrival. Where COUNT holds, what was done for it in its place. A method's file defines
 //
-//   struct Strand, strand(fibre, θ_o, around)      what all lights share at a point
-//   light_scattering(fibre, strand, arrival) -> Lit
-//   field_scattering(fibre, strand, field)         of the light that lingers around the point
+//   struct Strand, strand_at(fibre, θ_o)                       what all lights share at a point
+//   light_scattering(fibre, strand, arrival, parts) -> vec3f   towards the eye
+//
+//   FORWARD                          whether a light brings along what came forward through other strands
 //
 // and nothing else is called from here.
 
@@ -12,7 +13,7 @@ struct Light {
     lambda: f32,
     rgb: vec3f,
     energy: f32,        // E_j = ∫G_j dω
-    least: f32,         // share that must arrive for the light to matter
+    least: f32,         // radiance that must arrive for the light to matter
     pad: array<f32, 3>,
 }
 
@@ -22,7 +23,11 @@ struct Shading {
     first_light: u32,   // lights arrive in groups that keep a buffer under 128 MiB
     lights: u32,
     slots: u32,         // points whose reach is known
-    pad: u32,
+    first_ordinate: u32,
+    field_origin: vec3f,
+    field_cell: f32,
+    field_dims: vec3f,
+    field_scale: f32,
 }
 
 struct NeededPoints {
@@ -38,7 +43,10 @@ struct NeededPoints {
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(4) var<storage, read> reach: array<u32>;    // light by light, slot by slot: transport::Reach
 @group(1) @binding(5) var<storage, read_write> radiance: array<vec4f>;
-@group(1) @binding(6) var<storage, read> slots: array<vec2u>;   // of each point, and transport::surroundings
+@group(1) @binding(6) var<storage, read> slots: array<u32>;    // of each point
+// field::Field: RGB and a cell's weight, premultiplied by it, ordinate by ordinate along z.
+@group(1) @binding(7) var field: texture_3d<f32>;
+@group(1) @binding(8) var field_sampler: sampler;
 
 @compute @workgroup_size(64)
 fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -47,7 +55,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         return;
     }
     let point = needed.points[item];
-    let slot = slots[point].x;
+    let slot = slots[point];
     if (slot >= shading.slots) {
         return;
     }
@@ -63,19 +71,26 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     let axis_x = cos(twist) * normal + sin(twist) * cross(u, normal);
     let axis_y = cross(u, axis_x);
     let o = across(to_eye, axis_x, axis_y);
-    let strand = strand_at(fibre, theta_o, depth_of(slots[point].y));
+    let strand = strand_at(fibre, theta_o);
     let parts = shading.parts & PARTS;
+    // Between the centres of cells, so that no ordinate's cells mix with another's.
+    let cell = clamp((position - shading.field_origin) / shading.field_cell, vec3f(0.5), shading.field_dims - 0.5);
 
     var total = vec3f(0.0);
-    var field = vec3f(0.0);
     for (var j = 0u; j < shading.lights; j++) {
-        let light = lights[shading.first_light + j];
+        let index = shading.first_light + j;
+        let light = lights[index];
         let bits = reach[j * shading.slots + slot];
         let direct = square(f32(bits & 1023u) / 1023.0);
         let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
-        // What comes through other strands is judged by the mean at s = ¼.
-        let most = select(direct, max(direct, quarter), (PARTS & (GLOBAL | LOCAL)) != 0u);
-        if (most < light.least) {
+        var scattered = vec3f();
+        if (!FORWARD && (PARTS & (GLOBAL | LOCAL)) != 0u && index >= shading.first_ordinate) {
+            scattered = field_at(cell, index - shading.first_ordinate);
+        }
+        // What comes forward through other strands is judged by the mean at s = ¼.
+        let through = select(direct, max(direct, quarter), FORWARD && (PARTS & (GLOBAL | LOCAL)) != 0u);
+        let most = max(through * light.rgb, scattered);
+        if (max(most.x, max(most.y, most.z)) < light.least) {
             continue;
         }
         if COUNT {
@@ -89,17 +104,14 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
             o.x * d.x - o.y * d.y,
             light.lambda,
             light.energy,
+            light.rgb,
             light.least,
             direct,
             square(f32(bits >> 24u) / 255.0),
             depth_of(bits),
+            scattered,
         );
-        let lit = light_scattering(fibre, strand, arrival, parts);
-        total += light.rgb * lit.radiance;
-        field += light.rgb * lit.field;
-    }
-    if ((parts & LOCAL) != 0u) {
-        total += field_scattering(strand, field);
+        total += light_scattering(fibre, strand, arrival, parts);
     }
     var shown = vec4f(total, 1.0);
     if COUNT {
@@ -109,6 +121,15 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         shown += radiance[point];
     }
     radiance[point] = shown;
+}
+
+// Radiance that other strands have scattered along an ordinate, at a place in cells.
+fn field_at(cell: vec3f, ordinate: u32) -> vec3f {
+    let dims = shading.field_dims;
+    let place = vec3f(cell.xy, cell.z + f32(ordinate) * dims.z);
+    let size = vec3f(dims.xy, f32(textureDimensions(field).z));
+    let texel = textureSampleLevel(field, field_sampler, place / size, 0.0);
+    return texel.rgb * (shading.field_scale / max(texel.a, 1e-4));
 }
 
 // Unit vector across the fibre, as (cos φ, sin φ); along the fibre any will do.

@@ -185,6 +185,7 @@ fn back_node(node: Node, theta_o: f32) -> vec3f {
 // the hair beyond the point can give. With the factor 2 dropped from M and from S_back alike, and with
 // s̃_f = 1/π in M^L, no further π belongs before d_b.
 
+const FORWARD = true;
 const D_B = 0.7;
 const D_F = 0.7;
 
@@ -193,11 +194,12 @@ struct Strand {
     energy: vec3f,      // energy compensation of R, TT, TRT
 }
 
-fn strand_at(fibre: Fibre, theta_o: f32, around: Depth) -> Strand {
+fn strand_at(fibre: Fibre, theta_o: f32) -> Strand {
     return Strand(theta_o, averages(theta_o).energy);
 }
 
-fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> Lit {
+fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> vec3f {
+    let least = arrival.least / max(arrival.rgb.x, max(arrival.rgb.y, max(arrival.rgb.z, 1e-30)));
     let a = averages(arrival.theta_j);
     let s = 1.0 - a.a_f;
     let arriving = through(arrival.depth, s);
@@ -208,7 +210,7 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
 
     // Loops that run once: see resolve.wgsl.
     var scattered = vec3f(0.0);
-    for (var lit = arrival.direct >= arrival.least; lit; lit = false) {
+    for (var lit = arrival.direct >= least; lit; lit = false) {
         if COUNT {
             done.single += 1u;
         }
@@ -222,7 +224,7 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
         }
     }
     let forward_energy = arrival.energy * forward;
-    for (var lit = any(forward >= vec3f(arrival.least)); lit; lit = false) {
+    for (var lit = any(forward >= vec3f(least)); lit; lit = false) {
         if COUNT {
             done.global += 1u;
         }
@@ -235,9 +237,5 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
                 * local_scattering_forward(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);
         }
     }
-    return Lit(scattered, vec3f());
-}
-
-fn field_scattering(strand: Strand, field: vec3f) -> vec3f {
-    return vec3f();
+    return arrival.rgb * scattered;
 }

@@ -1,12 +1,14 @@
 //! Capture: a scene in, frames and figures out.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
 use glam::Vec3;
 
+use crate::field::{self, Field, Grid};
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
@@ -104,14 +106,18 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let lights = shaded_lights(&fit.lights, scene);
     let detail = Detail { cells: settings.cells, multiple: parts.multiple() };
     renderer.negligible = settings.negligible;
-    let transport = bring_lights(&mut renderer, &stage, &lights, &points, &detail, &clock)?;
+    let lit = bring_lights(&stage, lights, &points, &detail, &clock)?;
+    let (lights, transport) = (&lit.lights, &lit.transport);
+    clock.step("transport")?;
+    let field = lit.field(&method, &clock)?;
+    lit.show(&mut renderer, &method, field.as_ref());
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
         &map.environment,
         scene.environment.rotation_deg.to_radians() as f32,
         gain,
     );
-    clock.step("transport")?;
+    clock.step("field")?;
     let setup_ms = clock.total_ms();
 
     let scale = exposure_scale(scene, &map.environment);
@@ -140,7 +146,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
     let delta_t = options.verify.then(|| {
-        RealStrands::new(&stage).delta_t(&points, &lights, &transport.reach, VERIFIED_PAIRS)
+        RealStrands::new(&stage).delta_t(&points, lights, &transport.reach, VERIFIED_PAIRS)
     });
     if let Some(delta) = delta_t {
         clock.note(&format!(
@@ -160,7 +166,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         Some(lens) => renderer.count(lens, settings.samples, parts)?,
         None => Done::default(),
     };
-    let facts = facts(&lights);
+    let facts = facts(lights);
     let mut passes = clock.steps.clone();
     let Frame { passes: timed, shaded, .. } = frame;
     if timed.is_empty() {
@@ -207,6 +213,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             lobes: done.lobes,
             head_vertices: transport.head_irradiance.len(),
             transport_looks: transport.looks,
+            field_rounds: field.as_ref().map_or(0, |field| field.rounds),
             bytes: renderer.shading_bytes(),
         },
         quality: Quality {
@@ -221,30 +228,73 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     stats.write(path)
 }
 
-/// Brings lights to the strand points `points` and to the head, and sets both.
-pub fn bring_lights(
-    renderer: &mut Renderer,
-    stage: &Geometry,
-    lights: &[SrbfLight],
+/// Lights, and what is known of their way through hair, whatever its colour.
+#[derive(Clone)]
+pub struct LitHair<'a> {
+    stage: &'a Geometry,
+    pub lights: Vec<SrbfLight>,
+    pub points: Vec<u32>,
+    pub transport: Transport,
+    /// None without multiple scattering.
+    grid: Option<Arc<Grid>>,
+}
+
+/// Brings lights (`stage::shaded_lights`) to the strand points `points`, to the grid of multiple scattering and to
+/// the head.
+pub fn bring_lights<'a>(
+    stage: &'a Geometry,
+    lights: Vec<SrbfLight>,
     points: &[u32],
     detail: &Detail,
     clock: &Clock,
-) -> Result<Transport> {
+) -> Result<LitHair<'a>> {
     let volume = stage.density(detail.cells);
     let occluders = Occluders { volume: &volume, head: stage.head.as_ref() };
+    let grid = detail.multiple.then(|| Arc::new(Grid::new(stage, &occluders, field::CELLS)));
+    let samples = grid.as_ref().map_or(&[][..], |grid| &grid.samples);
     let places: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
     let transport = clock.watch("light transport", |progress| {
         let done = AtomicUsize::new(0);
-        transport(&occluders, lights, &places, detail.multiple, &|| {
+        transport(&occluders, &lights, &places, samples, detail.multiple, &|| {
             progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
         })
     });
     let Some(transport) = transport else { bail!("cancelled") };
-    renderer.set_lights(lights, points, &transport);
-    let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
-    let head: Vec<Vec3> = transport.head_irradiance.iter().map(|e| *e * to_radiance).collect();
-    renderer.set_head_radiance(&head);
-    Ok(transport)
+    Ok(LitHair { stage, lights, points: points.to_vec(), transport, grid })
+}
+
+impl LitHair<'_> {
+    /// What strands of a method's fibre make of each other's light; None where the method has another way.
+    pub fn field(&self, method: &MethodData, clock: &Clock) -> Result<Option<Field>> {
+        let Some((fast, grid)) = method.twin().zip(self.grid.as_ref()) else { return Ok(None) };
+        let head = self.stage.head.as_ref().map_or(&[][..], |head| &head.positions);
+        let field = clock.watch("scattered light", |progress| {
+            field::solve(grid, &self.lights, &self.transport, head, &fast, progress)
+        });
+        if field.is_none() {
+            bail!("cancelled");
+        }
+        Ok(field)
+    }
+
+    /// The same with another reach at its points.
+    pub fn with_reach(&self, reach: Vec<Vec<u32>>) -> Self {
+        let transport = Transport { reach, ..self.transport.clone() };
+        Self { transport, ..self.clone() }
+    }
+
+    /// Sets a method, these lights, and a field of theirs.
+    pub fn show(&self, renderer: &mut Renderer, method: &MethodData, field: Option<&Field>) {
+        renderer.set_method(method);
+        renderer.set_lights(&self.lights, &self.points, &self.transport);
+        let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
+        let irradiance = &self.transport.head_irradiance;
+        let head: Vec<Vec3> = irradiance.iter().map(|e| *e * to_radiance).collect();
+        renderer.set_head_radiance(&head);
+        if let Some(field) = field {
+            renderer.set_field(field);
+        }
+    }
 }
 
 /// The files to write, checked before any work is done.

@@ -7,6 +7,7 @@ pub mod capture;
 pub mod cli;
 pub mod environment;
 pub mod file;
+pub mod field;
 pub mod gpu;
 pub mod hair;
 pub mod head;

@@ -24,8 +24,8 @@
 //! [`Method::Exact`] is `reference`. The others are what the renderer computes, `fast` for marschner and for deon, whose
 //! A_p it takes at θ_o, `xu` for marschner alone: its f64 twin on the CPU or its own WGSL on the GPU, without energy
 //! compensation. They have no value per direction, so
-//! `bcsdf` is their answer to a light of λ_j = 0.01 and unit energy, and has no pdf; of `dual` they hold `a_f`,
-//! `a_b`, `beta_f`, and `xu` also `A_b`, `delta_b`, `sigma_b`, and the result has those columns only.
+//! `bcsdf` is their answer to a light of λ_j = 0.01 and unit energy, and has no pdf; `xu` alone knows `dual`, of which
+//! it has `a_f`, `a_b`, `beta_f`, `A_b`, `delta_b`, `sigma_b`.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, SQRT_2};
@@ -121,7 +121,7 @@ pub struct Request {
 pub enum Quantity {
     /// (θ_o, θ_j, φ_o−φ_j, cos(φ_o+φ_j), λ_j) → R, TT, TRT and longer paths, RGB each.
     SingleScattering,
-    /// (θ) → ā_f, ā_b, β̄_f², and of `xu` Ā_b, Δ̄_b, σ̄_b, of the first channel, in the renderer's units.
+    /// (θ) → ā_f, ā_b, β̄_f², Ā_b, Δ̄_b, σ̄_b of the first channel, in the renderer's units; of `xu` alone.
     Averages,
 }
 
@@ -133,11 +133,7 @@ impl Request {
                 "let m = single_scattering(fibre, x[0].x, x[0].y, x[0].z, x[0].w, x[1].x);
                 y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2] = vec4f(m.trt.z, m.longer);"
             }
-            (Quantity::Averages, Integrator::Fast(_)) => {
-                "let a = shares(fibre, x[0].x);
-                y[0] = vec4f(a.a_f.x, a.a_b.x, a.beta_f2.x, 0.0);"
-            }
-            (Quantity::Averages, Integrator::Xu) => {
+            (Quantity::Averages, _) => {
                 "let a = averages(x[0].x);
                 y[0] = vec4f(a.a_f.x, a.a_b.x, a.beta_f2.x, a.A_b.x);
                 y[1] = vec4f(a.delta_b, a.sigma_b, 0.0, 0.0);"
@@ -163,11 +159,7 @@ impl Request {
                 let tables = fast::Tables::new(fibre, model, model.nodes() as usize);
                 let fast = Fast::new(fibre, model, &tables);
                 let of = |x: &[f64; 8]| {
-                    if single {
-                        return modes(fast.single_scattering(x[0], x[1], x[2], x[3], x[4]));
-                    }
-                    let a = fast.shares(x[0]);
-                    vec![a.a_f[0], a.a_b[0], a.beta_f2[0]]
+                    modes(fast.single_scattering(x[0], x[1], x[2], x[3], x[4]))
                 };
                 inputs.par_iter().map(|x| padded(of(x))).collect()
             }
@@ -268,8 +260,7 @@ fn results(function: Function, method: Method) -> &'static [&'static str] {
         (Function::Dual, Method::Exact) => {
             &["a_f", "a_b", "alpha_f", "alpha_b", "beta_f", "beta_b", "A_b", "delta_b", "sigma_b"]
         }
-        (Function::Dual, Method::Fast) => &["a_f", "a_b", "beta_f"],
-        (Function::Dual, Method::Xu) => &["a_f", "a_b", "beta_f", "A_b", "delta_b", "sigma_b"],
+        (Function::Dual, _) => &["a_f", "a_b", "beta_f", "A_b", "delta_b", "sigma_b"],
     }
 }
 
@@ -366,6 +357,10 @@ pub fn run(
             Method::Xu => options.model == Bcsdf::Marschner,
         },
         "fast is made for marschner and deon, xu for marschner alone: give another --model, or the exact method"
+    );
+    ensure!(
+        function != Function::Dual || method != Method::Fast,
+        "fast solves for multiple scattering, and has no dual averages: give --method xu"
     );
     ensure!(
         function != Function::Dual || options.model != Bcsdf::Chiang,

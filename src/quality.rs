@@ -29,7 +29,7 @@ use crate::gpu::Gpu;
 use crate::gpu::frame::NEGLIGIBLE;
 use crate::gpu::method::{Integrator, MethodData};
 use crate::gpu::probe::{INPUTS, Probe};
-use crate::scattering::fast::{Fast, MEAN_INCLINATION, Tables};
+use crate::scattering::fast::{Fast, Tables};
 use crate::scattering::fibre::Fibre;
 use crate::scattering::model::Model;
 use crate::scene::{Scene, Target};
@@ -130,8 +130,8 @@ impl Facts {
             Integrator::Xu => Model::Marschner,
         };
         let tables = Tables::new(fibre, model, 2);
-        let shares = Fast::new(fibre, model, &tables).shares(MEAN_INCLINATION);
-        let albedo = (0..3).map(|c| shares.a_f[c] + shares.a_b[c]).sum::<f64>() / 3.0;
+        let albedo = Fast::new(fibre, model, &tables).albedo(MEAN_INCLINATION);
+        let albedo = albedo.iter().sum::<f64>() / 3.0;
         Facts { contrast: contrast(lights), albedo, width_px, multiple, integrator }
     }
 
@@ -162,6 +162,8 @@ impl Facts {
     }
 }
 
+/// The inclination that stands for light from everywhere, radians.
+const MEAN_INCLINATION: f64 = 0.5;
 /// Of black hair under even light: what cells of 1/96 leave out, and strands a pixel wide.
 const CELL_ERROR: f64 = 0.035;
 const STRAND_ERROR: f64 = 1.4;

@@ -70,15 +70,26 @@ impl Geometry {
 
     /// The density volume of `cells` along its longest edge over the hair, strays beyond the fitted radius left out.
     pub fn density(&self, cells: usize) -> Volume {
-        let Geometry { hair, diameters, center, radius, .. } = self;
-        let (low, high) = hair.bounds();
-        let (low, high) = (low.max(*center - *radius), high.min(*center + *radius));
-        let segments = hair.strands().flat_map(|range| {
-            range.clone().skip(1).map(|i| {
+        let mut volume = self.empty_volume(cells);
+        self.segments().for_each(|(a, b, diameter)| volume.splat(a, b, diameter));
+        volume
+    }
+
+    /// The same without hair in it.
+    pub fn empty_volume(&self, cells: usize) -> Volume {
+        let (low, high) = self.hair.bounds();
+        let (low, high) = (low.max(self.center - self.radius), high.min(self.center + self.radius));
+        Volume::empty(low, high, cells)
+    }
+
+    /// Start, end and diameter of every segment, world units.
+    pub fn segments(&self) -> impl Iterator<Item = (Vec3, Vec3, f32)> {
+        let Geometry { hair, diameters, .. } = self;
+        hair.strands().flat_map(move |range| {
+            range.skip(1).map(move |i| {
                 (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i]))
             })
-        });
-        Volume::build(segments, low, high, cells)
+        })
     }
 
     /// Straight pieces that each segment is drawn in for this view.

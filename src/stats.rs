@@ -104,7 +104,9 @@ pub struct Work {
     pub head_vertices: usize,
     /// Look-ups of optical depth for transport.
     pub transport_looks: u64,
-    /// Tables, reach, lights and points that shading reads.
+    /// Rounds of sweeps along all ordinates until what strands make of each other's light stood still.
+    pub field_rounds: usize,
+    /// Tables, reach, lights, field and points that shading reads.
     pub bytes: u64,
 }
 

@@ -12,9 +12,10 @@ use super::timer::PassTimer;
 use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform};
 use super::{Gpu, shaders};
 use crate::environment::Environment;
+use crate::field::Field;
 use crate::hair::normals;
 use crate::scene::Lens;
-use crate::srbf::{SrbfLight, lobe_integral};
+use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
 use crate::stage::Geometry;
 use crate::transport::Transport;
 
@@ -92,6 +93,20 @@ pub const NEGLIGIBLE: f64 = 1e-3;
 /// Slot of a point whose reach is not known (shaders/shade.wgsl).
 const NO_SLOT: u32 = u32::MAX;
 
+/// Of a field's texture, relative to the hair's centre.
+#[derive(Clone, Copy, Debug)]
+struct FieldPlace {
+    origin: Vec3,
+    cell: f32,
+    dims: Vec3,
+    /// What RGB is to be multiplied by.
+    scale: f32,
+}
+
+/// Where there is none.
+const NO_FIELD: FieldPlace =
+    FieldPlace { origin: Vec3::ZERO, cell: 1.0, dims: Vec3::ONE, scale: 0.0 };
+
 /// Lights that share one buffer of reach.
 struct LightGroup {
     first: u32,
@@ -103,6 +118,7 @@ struct LightGroup {
 pub struct Renderer {
     pub gpu: Gpu,
     points: u32,
+    center: Vec3,
     /// First point of every segment.
     every_segment: Vec<u32>,
     /// Those that are drawn, and their number.
@@ -118,9 +134,14 @@ pub struct Renderer {
     pub negligible: f64,
     lights: wgpu::Buffer,
     groups: Vec<LightGroup>,
-    /// Place of each point's reach, or [`NO_SLOT`], and its surroundings.
+    /// Place of each point's reach, or [`NO_SLOT`].
     slots: wgpu::Buffer,
     slot_count: u32,
+    light_count: u32,
+    /// Where light is, that other strands have scattered.
+    field: Option<FieldPlace>,
+    field_texture: wgpu::TextureView,
+    field_sampler: wgpu::Sampler,
     method: MethodData,
     environment: wgpu::TextureView,
     environment_rotation_rad: f32,
@@ -177,6 +198,7 @@ impl Renderer {
         let resolve = module(device, "resolve", &shaders::resolve());
         Ok(Renderer {
             points,
+            center,
             segment_count: segments.len() as u32,
             every_segment: segments,
             strand_points,
@@ -191,6 +213,10 @@ impl Renderer {
             groups: Vec::new(),
             slots: storage(device, "slots", &[]),
             slot_count: 0,
+            light_count: 0,
+            field: None,
+            field_texture: volume_texture(&gpu, "field", [1; 3], &[Default::default()]),
+            field_sampler: linear_sampler(device),
             method: method.clone(),
             environment: environment_texture(&gpu, 1, 1, &[[0.0; 4]]),
             environment_rotation_rad: 0.0,
@@ -251,10 +277,12 @@ impl Renderer {
     /// the cameras that [`Self::visible_points`] was asked for they are hidden anyway, and leaving them
     /// out rasterises the same frame in a quarter of the time (sintel).
     ///
-    /// Comes after [`Self::set_method`], which says how many lights a pass may sum.
+    /// Comes after [`Self::set_method`], which says how many lights a pass may sum, and before [`Self::set_field`].
     pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], transport: &Transport) {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
-        let fair = lights.iter().map(power).sum::<f64>() / lights.len().max(1) as f64;
+        let bright = lights.iter().filter(|light| power(light) > 0.0).count();
+        let fair = lights.iter().map(power).sum::<f64>() / bright.max(1) as f64;
+        let least = |light: &SrbfLight| self.negligible * fair / (3.0 * lobe_integral(light.lambda));
         let entries: Vec<LightEntry> = lights
             .iter()
             .map(|light| LightEntry {
@@ -262,20 +290,22 @@ impl Renderer {
                 lambda: light.lambda as f32,
                 rgb: Vec3::from(light.rgb.map(|c| c as f32)),
                 energy: lobe_integral(light.lambda) as f32,
-                least: (self.negligible * fair / power(light).max(1e-300)).min(1.0) as f32,
+                least: least(light).min(f64::from(f32::MAX)) as f32,
                 pad: [0.0; 3],
             })
             .collect();
         let device = &self.gpu.device;
         self.lights = storage(device, "lights", bytemuck::cast_slice(&entries));
-        let mut slots = vec![[NO_SLOT, 0]; self.points as usize];
-        for (slot, (&point, &around)) in points.iter().zip(&transport.surroundings).enumerate() {
-            slots[point as usize] = [slot as u32, around];
+        let mut slots = vec![NO_SLOT; self.points as usize];
+        for (slot, &point) in points.iter().enumerate() {
+            slots[point as usize] = slot as u32;
         }
         self.slots = storage(device, "slots", bytemuck::cast_slice(&slots));
         self.slot_count = points.len() as u32;
+        self.light_count = lights.len() as u32;
+        self.field = None;
         self.draw_segments(self.indices.pieces, |first| {
-            slots[first][0] != NO_SLOT && slots[first + 1][0] != NO_SLOT
+            slots[first] != NO_SLOT && slots[first + 1] != NO_SLOT
         });
         let device = &self.gpu.device;
         let limit = device.limits().max_storage_buffer_binding_size;
@@ -291,6 +321,20 @@ impl Renderer {
                 reach: storage(device, "reach", bytemuck::cast_slice(&chunk.concat())),
             })
             .collect();
+    }
+
+    /// Sets what other strands have scattered of the lights that are set, of which the last are the ordinates.
+    pub fn set_field(&mut self, field: &Field) {
+        let (texels, scale) = field.to_gpu();
+        let [nx, ny, nz] = field.dims;
+        self.field_texture =
+            volume_texture(&self.gpu, "field", [nx, ny, nz * ORDINATES], &texels);
+        self.field = Some(FieldPlace {
+            origin: field.origin - self.center,
+            cell: field.cell,
+            dims: Vec3::new(nx as f32, ny as f32, nz as f32),
+            scale,
+        });
     }
 
     /// Sets the method, its fibre and tables; geometry and lights stay. To or from exact integrals lights are to be
@@ -438,12 +482,14 @@ impl Renderer {
         Ok(Done { points: points.len() as u64, pairs, single, global, lobes })
     }
 
-    /// Bytes of what shading reads: tables, lights, reach and the surroundings of its points, and the points.
+    /// Bytes of what shading reads: tables, lights, the field, reach of its points, and the points.
     pub fn shading_bytes(&self) -> u64 {
         let tables: usize = self.method.tables.iter().map(Vec::len).sum();
         let reach: u64 = self.groups.iter().map(|group| group.reach.size()).sum();
+        let cells = self.field.map_or(0.0, |field| field.dims.element_product());
+        let field = 8 * ORDINATES as u64 * cells as u64;
         // A point is two vec4f and its slot.
-        tables as u64 + self.lights.size() + reach + (32 + 8) * u64::from(self.slot_count)
+        tables as u64 + self.lights.size() + field + reach + (32 + 4) * u64::from(self.slot_count)
     }
 
     /// Checks the size against the adapter and makes the buffers of a frame.
@@ -510,6 +556,7 @@ impl Renderer {
     ) -> Vec<wgpu::BindGroup> {
         let device = &self.gpu.device;
         let layout = shading.pipeline.get_bind_group_layout(1);
+        let field = self.field.unwrap_or(NO_FIELD);
         self.groups
             .iter()
             .map(|group| {
@@ -519,7 +566,14 @@ impl Renderer {
                     first_light: group.first,
                     lights: group.count,
                     slots: self.slot_count,
-                    pad: 0,
+                    first_ordinate: match self.field {
+                        Some(_) => self.light_count - ORDINATES as u32,
+                        None => u32::MAX,
+                    },
+                    field_origin: field.origin,
+                    field_cell: field.cell,
+                    field_dims: field.dims,
+                    field_scale: field.scale,
                 };
                 let uniform = uniform_buffer(device, "shading", bytemuck::bytes_of(&uniform));
                 let buffers = [
@@ -531,7 +585,14 @@ impl Renderer {
                     &work.radiance,
                     &self.slots,
                 ];
-                bind(device, &layout, &buffers)
+                let buffers = (0..).zip(buffers).map(|(binding, bound)| buffer(binding, bound));
+                let sampled =
+                    [texture(7, &self.field_texture), sampler(8, &self.field_sampler)];
+                device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: None,
+                    layout: &layout,
+                    entries: &buffers.chain(sampled).collect::<Vec<_>>(),
+                })
             })
             .collect()
     }

@@ -1,5 +1,7 @@
 //! What a method binds in group 0: the fibre, and two tables.
 
+use std::sync::Arc;
+
 use anyhow::{Result, bail};
 
 use crate::scattering::{
@@ -40,6 +42,8 @@ pub struct MethodData {
     pub modes: u32,
     /// Nothing that a scene lacks is left out, for judging what is.
     pub general: bool,
+    /// The same on the CPU, to find what strands make of each other's light; `xu` has its own way.
+    twin: Option<(Fibre, Arc<fast::Tables>)>,
 }
 
 const XU_MODES: u32 = 7;
@@ -75,7 +79,7 @@ impl MethodData {
 
     /// `nodes`: 2 to 4 over θ_i.
     pub fn fast(fibre: &Fibre, model: Model, nodes: u32) -> Self {
-        let tables = fast::Tables::new(fibre, model, nodes as usize);
+        let tables = Arc::new(fast::Tables::new(fibre, model, nodes as usize));
         Self {
             integrator: Integrator::Fast(model),
             fibre: FibreUniform::new(fibre, model, nodes),
@@ -83,6 +87,7 @@ impl MethodData {
             tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
             exact_single: false,
             general: false,
+            twin: Some((*fibre, tables)),
         }
     }
 
@@ -107,6 +112,7 @@ impl MethodData {
             exact_single: false,
             modes: XU_MODES,
             general: false,
+            twin: None,
         }
     }
 }
@@ -115,6 +121,18 @@ impl MethodData {
     /// `shader`, put together for this method, as it is to be compiled.
     pub fn specialised(&self, shader: String) -> String {
         if self.exact_single { shaders::with_exact_single(&shader) } else { shader }
+    }
+
+    /// The method on the CPU, where frames need what strands make of each other's light.
+    pub fn twin(&self) -> Option<Fast<'_>> {
+        let (fibre, tables) = self.twin.as_ref()?;
+        let Integrator::Fast(model) = self.integrator else { return None };
+        Some(Fast::new(fibre, model, tables))
+    }
+
+    /// The same with single scattering by dense quadrature.
+    pub fn with_exact_single(self) -> Self {
+        Self { exact_single: true, ..self }
     }
 
     /// The same with nothing left out.

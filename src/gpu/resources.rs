@@ -2,6 +2,8 @@
 
 use wgpu::util::DeviceExt as _;
 
+use super::Gpu;
+
 /// The multisampling that every WebGPU adapter has.
 pub(super) const SAMPLES_PER_TEXEL: u32 = 4;
 pub(super) const VISIBILITY: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Uint;
@@ -97,6 +99,44 @@ pub(super) fn buffer(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntr
 
 pub(super) fn texture(binding: u32, view: &wgpu::TextureView) -> wgpu::BindGroupEntry<'_> {
     wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) }
+}
+
+/// A texture of halves (16-bit floats) that is read between its texels, never beyond its edge.
+pub(super) fn volume_texture(
+    gpu: &Gpu,
+    label: &str,
+    size: [usize; 3],
+    texels: &[[u16; 4]],
+) -> wgpu::TextureView {
+    let [width, height, depth_or_array_layers] = size.map(|n| n as u32);
+    let texture = gpu.device.create_texture_with_data(
+        &gpu.queue,
+        &wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D3,
+            format: wgpu::TextureFormat::Rgba16Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        },
+        wgpu::util::TextureDataOrder::LayerMajor,
+        bytemuck::cast_slice(texels),
+    );
+    texture.create_view(&Default::default())
+}
+
+pub(super) fn linear_sampler(device: &wgpu::Device) -> wgpu::Sampler {
+    device.create_sampler(&wgpu::SamplerDescriptor {
+        mag_filter: wgpu::FilterMode::Linear,
+        min_filter: wgpu::FilterMode::Linear,
+        ..Default::default()
+    })
+}
+
+pub(super) fn sampler(binding: u32, sampler: &wgpu::Sampler) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::Sampler(sampler) }
 }
 
 /// Binds buffers to bindings 0, 1, 2, …

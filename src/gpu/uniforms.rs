@@ -88,7 +88,11 @@ pub struct ShadingUniform {
     pub first_light: u32,
     pub lights: u32,
     pub slots: u32,
-    pub pad: u32,
+    pub first_ordinate: u32,
+    pub field_origin: Vec3,
+    pub field_cell: f32,
+    pub field_dims: Vec3,
+    pub field_scale: f32,
 }
 
 /// Byte offsets in `Needed` (shaders/mark.wgsl).

@@ -32,8 +32,8 @@
 //! η. On lavapipe a look-up with absorption and 2π I₀e takes 22 ns (R) or 43 ns (TT, TRT) of a core, where xu's
 //! inner integrals take 41, 33 and 67.
 //!
-//! 𝒩^G (Eq 28), E_t = ∫N_t dφ, its forward share and the energy of all longer paths have the same form: within
-//! 0.4, 0.2 and 0.4 % of what a clear fibre gives. 𝒩^G is blurred by σ = 0.1 whatever w_c is.
+//! E_t = ∫N_t dφ and the energy of all longer paths have the same form: within 0.2 and 0.4 % of what a clear fibre
+//! gives.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::LazyLock;
@@ -42,7 +42,7 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::{
-    azimuthal::{exit_azimuth, wrap},
+    azimuthal::exit_azimuth,
     fresnel::fresnel,
     gaussian::bessel_steps,
     quadrature::GaussLegendre,
@@ -69,9 +69,6 @@ const ORDERS: usize = 160;
 /// The rule over γ = asin h in [0, π/2]: panels of 16 nodes, which resolve the highest cosine.
 const PANELS: usize = 9;
 const NODES: usize = 16;
-
-/// 1−⟨cos⟩ that 𝒩^G is blurred by: a caustic of σ = 0.1.
-const GLOBAL_DEFICIT: f64 = 0.005;
 
 /// A lobe of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -147,14 +144,10 @@ impl Grid {
     }
 }
 
-/// 𝒩^G's part: `[mode][row][column]` over (cosθ_d, |φ|), evenly spaced.
-const GLOBAL: Grid = Grid { rows: 20, columns: 25, layers: 4, fine: 1.0, from_pi: false };
-const GLOBAL_FIRST: usize = Mode::Trrt.first() + Mode::Trrt.entries();
-
-/// The energies' part: `[row][entry]` over cosθ_d: E_t and its forward share for each mode, then the rest's E.
+/// The energies' part: `[row][entry]` over cosθ_d: E_t for each mode, then the rest's E.
 const ENERGY_ROWS: usize = 64;
-const ENERGY_SIZE: usize = 2 * Mode::ALL.len() + 1;
-const ENERGY_FIRST: usize = GLOBAL_FIRST + GLOBAL.rows * GLOBAL.columns * GLOBAL.layers;
+const ENERGY_SIZE: usize = Mode::ALL.len() + 1;
+const ENERGY_FIRST: usize = Mode::Trrt.first() + Mode::Trrt.entries();
 
 /// D̃(κ) ≈ 1 − I₁(κ)/I₀(κ) = 1 − ⟨cos⟩ of a circular Gaussian, relative error below 0.6 %: the width by which
 /// the table is read. σ²/2 where that is small, in (0, 1].
@@ -452,8 +445,6 @@ struct Plan {
     /// I_k/I₀ of each layer, for each mode.
     ratios: [Vec<Vec<f64>>; 4],
     cosines: [Vec<Vec<f64>>; 4],
-    global_factors: Vec<f64>,
-    global_cosines: Vec<Vec<f64>>,
 }
 
 impl Plan {
@@ -463,18 +454,10 @@ impl Plan {
             let of = |l| layer_to_deficit(l as f64 / (layers - 1) as f64);
             (0..layers).map(|l| bessel_ratios(concentration_of_deficit(of(l)))).collect()
         };
-        // (1/π)∫ of cos kφ over the half circle.
-        let half = |k: usize| match k {
-            0 => 1.0,
-            _ => 2.0 * (k as f64 * FRAC_PI_2).sin() / (k as f64 * PI),
-        };
-        let blur = bessel_ratios(concentration_of_deficit(GLOBAL_DEFICIT));
         Self {
             rule: GaussLegendre::new(NODES),
             ratios: Mode::ALL.map(ratios),
             cosines: Mode::ALL.map(|mode| cosines(&mode.grid())),
-            global_factors: blur.iter().enumerate().map(|(k, b)| b * half(k)).collect(),
-            global_cosines: cosines(&GLOBAL),
         }
     }
 
@@ -515,47 +498,19 @@ impl Plan {
         packed
     }
 
-    fn global(&self, eta: f64) -> Vec<[u32; 2]> {
-        let rows: Vec<_> = (0..GLOBAL.rows)
-            .into_par_iter()
-            .map(|row| {
-                let slice = Slice::new(eta, row as f64 / (GLOBAL.rows - 1) as f64);
-                let offsets = offsets(&self.rule, &slice);
-                Mode::ALL.map(|mode| {
-                    let orders = self.global_factors.len();
-                    let series = series(&offsets, &slice, mode, orders);
-                    sum_series(&series, &self.global_factors, &self.global_cosines)
-                })
-            })
-            .collect();
-        let mut values: Vec<[f64; WEIGHTS]> = (0..Mode::ALL.len())
-            .flat_map(|mode| rows.iter().flat_map(move |row| row[mode].iter().copied()))
-            .collect();
-        fit_linear(&mut values, 1, GLOBAL.columns, true);
-        fit_linear(&mut values, GLOBAL.columns, GLOBAL.rows, false);
-        values.into_iter().map(pack).collect()
-    }
-
     fn energies(&self, eta: f64) -> Vec<[u32; 2]> {
         let mut rows: Vec<_> = (0..ENERGY_ROWS)
             .into_par_iter()
             .flat_map_iter(|row| {
                 let slice = Slice::new(eta, row as f64 / (ENERGY_ROWS - 1) as f64);
                 let offsets = offsets(&self.rule, &slice);
-                let modes = Mode::ALL.into_iter().flat_map(|mode| {
-                    let mut sums = [[0.0; WEIGHTS]; 2];
-                    for o in &offsets {
-                        let azimuth = exit_azimuth(mode.crossings(), o.gamma, slice.q);
-                        let forward = wrap(azimuth).abs() / PI;
+                let modes = Mode::ALL.map(|mode| {
+                    offsets.iter().fold([0.0; WEIGHTS], |sum, o| {
                         let a = attenuation(o, mode);
-                        for i in 0..WEIGHTS {
-                            sums[0][i] += a[i];
-                            sums[1][i] += a[i] * forward;
-                        }
-                    }
-                    sums
+                        std::array::from_fn(|i| sum[i] + a[i])
+                    })
                 });
-                modes.chain([rest(&offsets, &slice)]).collect::<Vec<_>>()
+                modes.into_iter().chain([rest(&offsets, &slice)]).collect::<Vec<_>>()
             })
             .collect();
         fit_linear(&mut rows, ENERGY_SIZE, ENERGY_ROWS, false);
@@ -637,7 +592,7 @@ impl AzimuthTable {
             .flat_map_iter(|layer| {
                 let eta = low + step * layer as f64;
                 let modes = Mode::ALL.map(|mode| plan.mode(eta, mode));
-                modes.into_iter().chain([plan.global(eta), plan.energies(eta)]).flatten()
+                modes.into_iter().chain([plan.energies(eta)]).flatten()
             })
             .collect();
         Self { low, high, layers, entries }
@@ -684,17 +639,9 @@ impl AzimuthTable {
         })
     }
 
-    /// Four weights of 𝒩^G_t(φ; θ_d) (Xu 2011, Eq 28).
-    pub fn global(&self, mode: Mode, eta: f64, cos_theta_d: f64, phi: f64) -> [f64; 4] {
-        let (row, f_row) = place(cos_theta_d, GLOBAL.rows);
-        let (column, f_column) = place(GLOBAL.u_of(phi), GLOBAL.columns);
-        let i = GLOBAL_FIRST + (mode as usize * GLOBAL.rows + row) * GLOBAL.columns + column;
-        self.at(eta, |first| self.patch(first + i, GLOBAL.columns, f_row, f_column))
-    }
-
-    /// Four weights each of E_t = ∫N_t dφ and of its forward share (1/π)∫|φ| N_t dφ.
-    pub fn energy(&self, mode: Mode, eta: f64, cos_theta_d: f64) -> [[f64; 4]; 2] {
-        [0, 1].map(|k| self.energy_entry(2 * mode as usize + k, eta, cos_theta_d))
+    /// Four weights of E_t = ∫N_t dφ.
+    pub fn energy(&self, mode: Mode, eta: f64, cos_theta_d: f64) -> [f64; 4] {
+        self.energy_entry(mode as usize, eta, cos_theta_d)
     }
 
     /// Four weights, for [`transmitted_rest`], of the energy of all paths p ≥ 4.
@@ -723,11 +670,5 @@ impl AzimuthTable {
         }
         let (low, f) = place((eta - self.low) / (self.high - self.low), self.layers);
         mix(of(low * Self::SIZE), of((low + 1) * Self::SIZE), f)
-    }
-
-    /// Bilinear at entry `i` and its neighbours.
-    fn patch(&self, i: usize, columns: usize, f_row: f64, f_column: f64) -> [f64; WEIGHTS] {
-        let pair = |i: usize| mix(unpack(self.entries[i]), unpack(self.entries[i + 1]), f_column);
-        mix(pair(i), pair(i + columns), f_row)
     }
 }

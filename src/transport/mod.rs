@@ -40,9 +40,7 @@ const HEAD_BIAS: f32 = 0.03;
 /// 0.0429, 0.0422 and 0.0417 (sintel with its head, san_giuseppe_bridge).
 const MAX_DIRECTIONS: usize = 12;
 
-/// Diffuse reflectance that the head has for returned light: the mean of `stage::HEAD_ALBEDO`.
-const HEAD_ALBEDO: f32 = 0.37;
-/// Directions of [`Occluders::surroundings`].
+/// Directions of [`Occluders::openness`].
 const WAYS_OUT: usize = 24;
 
 /// The means over a light's lobe at one point, each in 0…1.
@@ -120,20 +118,6 @@ impl Way {
         let (tau, beyond) = self.depth.tau(shear.apply(p + STEP_OUT * self.omega));
         (open, tau, beyond)
     }
-
-    /// Of light that leaves `p` against the direction: the share that does not come back from the head, and τ
-    /// on the way to the sky or the head.
-    fn out(&self, p: Vec3, albedo: f32) -> (f32, f32) {
-        let q = self.depth.shear.apply(p - STEP_OUT * self.omega);
-        let (tau, beyond) = self.depth.tau(q);
-        match self.shadow.as_ref().and_then(|head| head.below(q)) {
-            Some(surface) => {
-                let (to_head, _) = self.depth.tau([q[0], q[1], surface]);
-                (1.0 - albedo, (to_head - tau).max(0.0))
-            }
-            None => (1.0, beyond),
-        }
-    }
 }
 
 impl Occluders<'_> {
@@ -154,34 +138,26 @@ impl Occluders<'_> {
         })
     }
 
-    /// How easily light leaves the hair from each of `points`: the means of e^(−sτ) at s = 1, ¼ and 0 over
-    /// ways out in all directions, packed as [`Reach`]. A way that ends at the head counts as open for what the
-    /// head keeps, 1−`albedo`. `beyond` is 0.
-    pub fn surroundings(&self, points: &[Vec3], albedo: f32) -> Vec<u32> {
+    /// The share of all directions in which the head does not lie, from each of `points`.
+    pub fn openness(&self, points: &[Vec3]) -> Vec<f32> {
         let even = SrbfLight { direction: DVec3::Y, lambda: 1e4, rgb: [1.0; 3] };
-        let directions = sample_lobe(&even, WAYS_OUT);
-        let mut means = vec![Reach::default(); points.len()];
-        for way in self.ways(&directions) {
-            means.par_iter_mut().zip(points).for_each(|(mean, &p)| {
-                let (share, tau) = way.out(self.volume.to_cells(p), albedo);
-                let weight = share / directions.len() as f32;
-                let quarter = (-0.25 * tau).exp();
-                mean.open += weight;
-                mean.quarter += weight * quarter;
-                mean.direct += weight * quarter.powi(4);
+        let mut open = vec![0.0; points.len()];
+        for way in self.ways(&sample_lobe(&even, WAYS_OUT)) {
+            open.par_iter_mut().zip(points).for_each(|(open, &p)| {
+                *open += way.look(self.volume.to_cells(p)).0 / WAYS_OUT as f32;
             });
         }
-        means.into_iter().map(Reach::pack).collect()
+        open
     }
 
     /// One light (world frame): its reach at each of `points`, and the irradiance, linear RGB, that
     /// comes through the hair to each vertex of the head.
-    /// `beyond` is 0 unless `multiple` scattering asks for it.
+    /// `Reach::beyond` is 0 unless asked for.
     pub fn reach(
         &self,
         light: &SrbfLight,
         points: &[Vec3],
-        multiple: bool,
+        beyond: bool,
     ) -> (Vec<Reach>, Vec<Vec3>) {
         let directions = lobe_directions(light);
         let weight = 1.0 / directions.len() as f32;
@@ -193,9 +169,9 @@ impl Occluders<'_> {
         let mut received = vec![Vec3::ZERO; vertices.len()];
         for way in self.ways(&directions) {
             for (mean, &p) in means.iter_mut().zip(points) {
-                let (open, tau, beyond) = way.look(self.volume.to_cells(p));
-                if multiple {
-                    mean.beyond += weight * (-0.5 * beyond).exp();
+                let (open, tau, behind) = way.look(self.volume.to_cells(p));
+                if beyond {
+                    mean.beyond += weight * (-0.5 * behind).exp();
                 }
                 if open > 0.0 {
                     let quarter = (-0.25 * tau).exp();
@@ -221,42 +197,50 @@ impl Occluders<'_> {
 pub struct Transport {
     /// Packed [`Reach`]: `reach[j][i]` is light j at point i.
     pub reach: Vec<Vec<u32>>,
-    /// Of each point: [`Occluders::surroundings`]; 0 without multiple scattering.
-    pub surroundings: Vec<u32>,
+    /// T̃ of light j at sample i: `samples[j][i]`.
+    pub samples: Vec<Vec<f32>>,
     /// Irradiance at the head's vertices, linear RGB; empty without a head.
     pub head_irradiance: Vec<Vec3>,
     /// Look-ups of optical depth that this took: of a place along a direction.
     pub looks: u64,
 }
 
-/// The transport of `lights` to `points` and to the head; without `multiple` scattering only what direct light needs.
+/// The transport of `lights` to `points`, to `samples` of which T̃ alone is known, and to the head.
 /// `tick` is called once a light is done; false cancels, and the result is then None.
 pub fn transport(
     occluders: &Occluders,
     lights: &[SrbfLight],
     points: &[Vec3],
-    multiple: bool,
+    samples: &[Vec3],
+    beyond: bool,
     tick: &(dyn Fn() -> bool + Sync),
 ) -> Option<Transport> {
-    let each: Option<Vec<(Vec<u32>, Vec<Vec3>)>> = lights
+    let places = [points, samples].concat();
+    let dark = |light: &SrbfLight| light.rgb == [0.0; 3];
+    let vertices = occluders.head.map_or(0, |head| head.positions.len());
+    let mut all = Transport {
+        reach: Vec::new(),
+        samples: Vec::new(),
+        head_irradiance: vec![Vec3::ZERO; vertices],
+        looks: 0,
+    };
+    let each: Option<Vec<(Vec<Reach>, Vec<Vec3>)>> = lights
         .par_iter()
         .map(|light| {
-            let (reach, irradiance) = occluders.reach(light, points, multiple);
-            tick().then(|| (reach.into_iter().map(Reach::pack).collect(), irradiance))
+            let none = || (vec![Reach::default(); places.len()], Vec::new());
+            let brought =
+                if dark(light) { none() } else { occluders.reach(light, &places, beyond) };
+            tick().then_some(brought)
         })
         .collect();
-    let (reach, irradiance): (Vec<_>, Vec<Vec<Vec3>>) = each?.into_iter().unzip();
-    let vertices = occluders.head.map_or(0, |head| head.positions.len());
-    let mut head_irradiance = vec![Vec3::ZERO; vertices];
-    for one in irradiance {
-        head_irradiance.iter_mut().zip(one).for_each(|(sum, e)| *sum += e);
+    for ((reach, irradiance), light) in each?.into_iter().zip(lights) {
+        let (of_points, of_samples) = reach.split_at(points.len());
+        all.reach.push(of_points.iter().map(|reach| reach.pack()).collect());
+        all.samples.push(of_samples.iter().map(|reach| reach.direct).collect());
+        all.head_irradiance.iter_mut().zip(irradiance).for_each(|(sum, e)| *sum += e);
+        if !dark(light) {
+            all.looks += (lobe_directions(light).len() * (places.len() + vertices)) as u64;
+        }
     }
-    let directions: usize = lights.iter().map(|light| lobe_directions(light).len()).sum();
-    let mut looks = directions * (points.len() + vertices);
-    let mut surroundings = vec![0; points.len()];
-    if multiple {
-        surroundings = occluders.surroundings(points, HEAD_ALBEDO);
-        looks += WAYS_OUT * points.len();
-    }
-    Some(Transport { reach, surroundings, head_irradiance, looks: looks as u64 })
+    Some(all)
 }

@@ -19,29 +19,19 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// Builds the volume over the box `min`…`max` with `resolution` cells along its longest edge.
-    /// `segments` yields (start, end, diameter) in world units; what lies outside the box is left out.
-    pub fn build(
-        segments: impl Iterator<Item = (Vec3, Vec3, f32)>,
-        min: Vec3,
-        max: Vec3,
-        resolution: usize,
-    ) -> Volume {
+    /// A volume over the box `min`…`max` with `resolution` cells along its longest edge.
+    pub fn empty(min: Vec3, max: Vec3, resolution: usize) -> Volume {
         let size = max - min;
         // One empty cell on each side, so that trilinear splats stay inside.
         let cell = (size.max_element() / (resolution.max(3) - 2) as f32).max(f32::MIN_POSITIVE);
         let dims = size.to_array().map(|s| ((s / cell).ceil() as usize + 2).max(3));
         let origin = 0.5 * (min + max)
             - 0.5 * cell * Vec3::new(dims[0] as f32, dims[1] as f32, dims[2] as f32);
-        let mut volume =
-            Volume { origin, cell, dims, cells: vec![[0.0; 6]; dims[0] * dims[1] * dims[2]] };
-        for (a, b, diameter) in segments {
-            volume.splat(a, b, diameter);
-        }
-        volume
+        Volume { origin, cell, dims, cells: vec![[0.0; 6]; dims[0] * dims[1] * dims[2]] }
     }
 
-    fn splat(&mut self, a: Vec3, b: Vec3, diameter: f32) {
+    /// Adds a segment, all in world units; what lies outside the box is left out.
+    pub fn splat(&mut self, a: Vec3, b: Vec3, diameter: f32) {
         let length = a.distance(b);
         if length <= 0.0 {
             return;
@@ -52,27 +42,36 @@ impl Volume {
         let tensor = [t.x * t.x, t.y * t.y, t.z * t.z, t.x * t.y, t.x * t.z, t.y * t.z];
         for piece in 0..pieces as usize {
             let p = a.lerp(b, (piece as f32 + 0.5) / pieces);
-            let q = self.to_cells(p) - 0.5;
-            let base = q.floor();
-            let f = q - base;
-            for corner in 0..8usize {
-                let [i, j, k] = [corner & 1, (corner >> 1) & 1, corner >> 2];
-                let [x, y, z] = [
-                    base.x as isize + i as isize,
-                    base.y as isize + j as isize,
-                    base.z as isize + k as isize,
-                ];
-                let inside =
-                    [x, y, z].iter().zip(self.dims).all(|(&c, n)| c >= 0 && c < n as isize);
-                if inside {
-                    let w =
-                        weight * [1.0 - f.x, f.x][i] * [1.0 - f.y, f.y][j] * [1.0 - f.z, f.z][k];
-                    let index =
-                        (z as usize * self.dims[1] + y as usize) * self.dims[0] + x as usize;
-                    for (s, u) in self.cells[index].iter_mut().zip(tensor) {
-                        *s += w * u;
-                    }
+            let mut cells = std::mem::take(&mut self.cells);
+            self.corners(p, |index, share| {
+                for (s, u) in cells[index].iter_mut().zip(tensor) {
+                    *s += weight * share * u;
                 }
+            });
+            self.cells = cells;
+        }
+    }
+
+    /// Of the cell that `p` (world) lies in.
+    pub fn index_of(&self, p: Vec3) -> Option<usize> {
+        let q = self.to_cells(p).floor();
+        let inside = (0..3).all(|axis| q[axis] >= 0.0 && q[axis] < self.dims[axis] as f32);
+        let [x, y, z] = q.to_array().map(|at| at as usize);
+        inside.then(|| (z * self.dims[1] + y) * self.dims[0] + x)
+    }
+
+    /// Calls `with` for the up to eight cells around `p` (world), with trilinear weights.
+    pub fn corners(&self, p: Vec3, mut with: impl FnMut(usize, f32)) {
+        let q = self.to_cells(p) - 0.5;
+        let base = q.floor();
+        let f = q - base;
+        for corner in 0..8usize {
+            let [i, j, k] = [corner & 1, (corner >> 1) & 1, corner >> 2];
+            let at = [base.x as isize + i as isize, base.y as isize + j as isize, base.z as isize + k as isize];
+            if at.iter().zip(self.dims).all(|(&c, n)| c >= 0 && c < n as isize) {
+                let [x, y, z] = at.map(|c| c as usize);
+                let weight = [1.0 - f.x, f.x][i] * [1.0 - f.y, f.y][j] * [1.0 - f.z, f.z][k];
+                with((z * self.dims[1] + y) * self.dims[0] + x, weight);
             }
         }
     }

@@ -3,8 +3,8 @@
 //! With F the frame, T the truth, and ‖·‖ `compare`'s norm relative to T:
 //!
 //! - light fit: T traced under the fitted lights, T_s. Alone ‖T_s−T‖, remaining ‖F−T_s‖.
-//! - transmittance: reach by rays through the real strands (`RealStrands::reach`); what surrounds a point
-//!   (`Transport::surroundings`) stays and is multiple scattering's.
+//! - transmittance: reach by rays through the real strands (`RealStrands::reach`); that to the grid of multiple
+//!   scattering stays and is its own.
 //! - scattering integral: single scattering by dense quadrature (shaders/exact.wgsl).
 //! - coverage: the traced share of hair and head in each pixel.
 //!   For these three, with F′ the frame that has the exact part: alone ‖F−F′‖, remaining ‖F′−T‖.
@@ -21,6 +21,8 @@ use serde::Serialize;
 use super::Effort;
 use super::images::{ALL, Asked, Lit, NONE, SINGLE, View, error_of, picture_of_frame};
 use super::method::{Method, exact_single};
+use crate::capture::LitHair;
+use crate::field::Field;
 use crate::gpu::frame::Parts;
 use crate::gpu::method::MethodData;
 use crate::measure::compare::compare;
@@ -58,6 +60,7 @@ pub struct Causes {
 pub(super) struct Subject<'a> {
     pub method: &'a Method,
     pub data: &'a MethodData,
+    pub field: Option<&'a Field>,
     pub lit: &'a Lit<'a>,
     pub truth: &'a Picture,
     pub model: &'a OfModel,
@@ -90,12 +93,11 @@ impl OfModel {
         let (fitted, fitted_single) = (truth(u32::MAX)?, truth(1)?);
         let mut singles = None;
         if let Some(data) = exact_single(bcsdf, &fibre.resolve()) {
-            view.renderer.set_method(&data);
-            let mut by = |reach| {
-                view.renderer.set_lights(&lit.lights, &view.points, reach);
+            let mut by = |hair: &LitHair| {
+                hair.show(&mut view.renderer, &data, None);
                 shot(view, SINGLE)
             };
-            singles = Some([by(&lit.transport)?, by(&lit.exact)?]);
+            singles = Some([by(&lit.hair)?, by(&lit.exact)?]);
         }
         Ok(OfModel { fitted, fitted_single, exact_single: singles })
     }
@@ -107,13 +109,12 @@ fn shot(view: &mut View, parts: Parts) -> Result<Picture> {
 
 /// Finds the causes; the view keeps the method and lights of a frame.
 pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
-    let Subject { method, data, lit, truth, model } = *subject;
+    let Subject { method, data, field, lit, truth, model } = *subject;
     let OfModel { fitted, fitted_single, exact_single } = model;
-    view.renderer.set_method(data);
-    view.renderer.set_lights(&lit.lights, &view.points, &lit.exact);
+    lit.exact.show(&mut view.renderer, data, field);
     let by_reach = shot(view, ALL)?;
     let single_by_reach = shot(view, SINGLE)?;
-    view.renderer.set_lights(&lit.lights, &view.points, &lit.transport);
+    lit.hair.show(&mut view.renderer, data, field);
     let frame = shot(view, ALL)?;
     let single = shot(view, SINGLE)?;
     let head = shot(view, NONE)?;

@@ -17,7 +17,8 @@ use super::causes::{self, Causes, OfModel};
 use super::method::{Method, table_bytes};
 use super::statistics::Spread;
 use super::{Context, Effort, Groom};
-use crate::capture::bring_lights;
+use crate::capture::{LitHair, bring_lights};
+use crate::field::Field;
 use crate::environment::Environment;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
@@ -33,9 +34,9 @@ use crate::reference::tracer::strands::Strands;
 use crate::reference::tracer::{Sampling, TraceScene, trace};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{Bcsdf, FibreSpec, Lens, PRESETS, Scene};
-use crate::srbf::{self, SrbfLight};
+use crate::srbf;
 use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights, shaded_lights};
-use crate::transport::{Detail, Transport};
+use crate::transport::Detail;
 
 /// The seed of path tracing that is judged; the truth's is 0.
 const OTHER_SEED: u32 = 1;
@@ -191,10 +192,9 @@ pub(super) struct Lit<'a> {
     pub map: Light<'a>,
     /// The lights fitted to it, as the tracer takes them.
     pub fitted: Light<'static>,
-    pub lights: Vec<SrbfLight>,
-    pub transport: Transport,
-    /// Its reach by rays through the real strands.
-    pub exact: Transport,
+    pub hair: LitHair<'a>,
+    /// The same with reach by rays through the real strands.
+    pub exact: LitHair<'a>,
 }
 
 pub(super) fn picture_of_film(film: &Film, name: &str) -> Picture {
@@ -265,7 +265,7 @@ pub fn measure(gpu: Gpu, groom: &Groom, context: &Context) -> Result<(Gpu, Vec<I
         }
         scene.environment.source = format!("builtin:{map}");
         let environment = load_map(&scene.environment.source, clock)?.environment;
-        let lit = light(&mut view, &scene, &environment, effort, clock)?;
+        let lit = light(&view, &scene, &environment, effort, clock)?;
         let mut first = None;
         for &colour in &colours {
             let begun = Instant::now();
@@ -287,40 +287,41 @@ pub fn measure(gpu: Gpu, groom: &Groom, context: &Context) -> Result<(Gpu, Vec<I
 }
 
 /// Fits `count` lights to the map and brings them to the view's points.
-fn fit_lights(
-    view: &mut View,
+fn fit_lights<'a>(
+    view: &View<'a>,
     scene: &Scene,
     environment: &Environment,
     count: u32,
     clock: &Clock,
-) -> Result<(srbf::Fit, Vec<SrbfLight>, Transport)> {
+) -> Result<(srbf::Fit, LitHair<'a>)> {
     let fit = clock.watch("fitting lights", |progress| {
         srbf::fit_cached(environment, count as usize, progress)
     })?;
     let lights = shaded_lights(&fit.lights, scene);
-    let transport =
-        bring_lights(&mut view.renderer, view.stage, &lights, &view.points, &Detail::USUAL, clock)?;
-    Ok((fit, lights, transport))
+    Ok((fit, bring_lights(view.stage, lights, &view.points, &Detail::USUAL, clock)?))
 }
 
 /// Light from a map, as a frame, the tracer and rays through real strands have it.
 fn light<'a>(
-    view: &mut View,
+    view: &View<'a>,
     scene: &Scene,
     environment: &'a Environment,
     effort: &Effort,
     clock: &Clock,
 ) -> Result<Lit<'a>> {
-    let (fit, lights, transport) =
-        fit_lights(view, scene, environment, Settings::of(scene).lights, clock)?;
+    let (fit, hair) = fit_lights(view, scene, environment, Settings::of(scene).lights, clock)?;
     let rays = RealStrands::new(view.stage);
     let done = AtomicUsize::new(0);
     let exact_reach: Option<Vec<Vec<u32>>> = clock.watch("exact reach", |progress| {
+        let (lights, points) = (&hair.lights, &view.points);
         lights
             .par_iter()
             .map(|light| {
-                let of = |&i: &u32| rays.reach(i as usize, light, effort.rays).pack();
-                let reach = view.points.iter().map(of).collect();
+                let of = |&i: &u32| match light.rgb {
+                    [0.0, 0.0, 0.0] => 0,
+                    _ => rays.reach(i as usize, light, effort.rays).pack(),
+                };
+                let reach = points.iter().map(of).collect();
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f32 / lights.len() as f32).then_some(reach)
             })
@@ -330,9 +331,8 @@ fn light<'a>(
     Ok(Lit {
         map: Light::map(environment, 0.0, 1.0)?,
         fitted: Light::lobes(&place_lights(&fit.lights, scene))?,
-        lights,
-        exact: Transport { reach: exact_reach, ..transport.clone() },
-        transport,
+        exact: hair.with_reach(exact_reach),
+        hair,
     })
 }
 
@@ -378,11 +378,13 @@ fn picture(
 
     // All methods in each round; the first warms up.
     let data: Vec<_> = methods.iter().map(|method| method.data(&resolved, tables)).collect();
+    let fields: Vec<Option<Field>> =
+        data.iter().map(|data| lit.hair.field(data, clock)).collect::<Result<_>>()?;
     let mut times = vec![Vec::new(); methods.len()];
     let mut last: Vec<Option<Frame>> = methods.iter().map(|_| None).collect();
     for round in 0..=effort.frame_rounds {
         for (k, data) in data.iter().enumerate() {
-            view.renderer.set_method(data);
+            lit.hair.show(&mut view.renderer, data, fields[k].as_ref());
             let (frame, shade_ms) = view.render(ALL)?;
             if round > 0 {
                 times[k].push(shade_ms);
@@ -393,7 +395,7 @@ fn picture(
             }
         }
     }
-    let pairs = (view.points.len() * lit.lights.len()) as f64;
+    let pairs = (view.points.len() * lit.hair.lights.len()) as f64;
     let mut frames = Vec::new();
     let mut found = Vec::new();
     let mut of_models = BTreeMap::new();
@@ -418,7 +420,14 @@ fn picture(
                 }
             };
             let subject =
-                causes::Subject { method, data: &data[k], lit, truth: truth(method), model };
+                causes::Subject {
+                method,
+                data: &data[k],
+                field: fields[k].as_ref(),
+                lit,
+                truth: truth(method),
+                model,
+            };
             found.push(causes::measure(view, &subject)?);
         }
     }
@@ -434,7 +443,7 @@ fn picture(
         strands: view.stage.hair.strand_count(),
         points: view.stage.hair.points.len(),
         points_shaded: view.points.len(),
-        lights: lit.lights.len(),
+        lights: lit.hair.lights.len(),
         truth_samples: effort.truth_samples,
         truth_noise,
         frames,
@@ -457,9 +466,11 @@ fn by_lights(
     let &Context { methods, effort, tables, clock } = context;
     let mut rows = Vec::new();
     for &fitted in effort.lights {
-        let (fit, lights, _) = fit_lights(view, scene, environment, fitted, clock)?;
+        let (fit, hair) = fit_lights(view, scene, environment, fitted, clock)?;
         for method in methods.iter().filter(|method| method.by_cause) {
-            view.renderer.set_method(&method.data(&fibre.resolve(), tables));
+            let data = method.data(&fibre.resolve(), tables);
+            let field = hair.field(&data, clock)?;
+            hair.show(&mut view.renderer, &data, field.as_ref());
             let mut times = Vec::new();
             let mut frame = view.render(ALL)?.0;
             for _ in 0..effort.frame_rounds {
@@ -470,7 +481,7 @@ fn by_lights(
             rows.push(LightsRow {
                 method: method.label(),
                 fitted,
-                lights: lights.len(),
+                lights: hair.lights.len(),
                 shade_ms: Spread::of(&times),
                 error: error_of(&compare(&picture_of_frame(&frame), truth)?),
                 fit_error: fit.relative_l2_blurred_0_30,

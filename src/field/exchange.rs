@@ -1,0 +1,124 @@
+//! What a strand sends out along every ordinate, of what comes along every ordinate and from every light.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use glam::{DVec3, Vec3A};
+use rayon::prelude::*;
+
+use crate::scattering::azimuthal::wrap;
+use crate::scattering::fast::Fast;
+use crate::srbf::{SrbfLight, lobe_integral};
+
+/// Places of a table over θ_o, θ_j and |φ| of what a strand makes of an ordinate.
+const THETAS: usize = 25;
+const PHIS: usize = 25;
+
+/// RGB of one tangent.
+pub(super) struct Exchange {
+    /// `of_ordinates[o·D + i]`: radiance against ordinate o of unit radiance along all of ordinate i. A row sums to
+    /// the fibre's albedo.
+    pub of_ordinates: Vec<Vec3A>,
+    /// `of_lights[j·D + o]`: of light j.
+    pub of_lights: Vec<Vec3A>,
+}
+
+/// θ and φ of a direction about a tangent; φ counts from any axis.
+fn angles(t: DVec3, omega: DVec3) -> (f64, f64) {
+    let (x, y) = t.any_orthonormal_pair();
+    (t.dot(omega).clamp(-1.0, 1.0).asin(), omega.dot(y).atan2(omega.dot(x)))
+}
+
+/// 𝓜 of all modes for a lobe of bandwidth `lambda`. How an eccentric fibre is turned about its axis is not known
+/// of a cell: φ_o+φ_j counts as 90°, halfway between its axes.
+fn scattered(fast: &Fast, energy: &[f64; 3], theta_o: f64, theta_j: f64, phi: f64, lambda: f64) -> [f64; 3] {
+    let m = fast.single_scattering(theta_o, theta_j, phi, 0.0, lambda);
+    [0, 1, 2].map(|c| energy[0] * m.r[c] + energy[1] * m.tt[c] + energy[2] * m.trt[c] + m.longer[c])
+}
+
+fn rgb(value: [f64; 3]) -> Vec3A {
+    Vec3A::from(value.map(|v| v as f32))
+}
+
+/// 𝓜 of an ordinate's lobe at places of (θ_o, θ_j, |φ|).
+struct Table(Vec<Vec3A>);
+
+impl Table {
+    fn new(fast: &Fast, lambda: f64) -> Table {
+        let theta = |k: usize| PI * (k as f64 / (THETAS - 1) as f64 - 0.5);
+        let rows = (0..THETAS * THETAS).into_par_iter().flat_map_iter(|row| {
+            let (theta_o, theta_j) = (theta(row / THETAS), theta(row % THETAS));
+            let energy = fast.energy_compensation(theta_o);
+            (0..PHIS).map(move |k| {
+                let phi = PI * k as f64 / (PHIS - 1) as f64;
+                rgb(scattered(fast, &energy, theta_o, theta_j, phi, lambda))
+            })
+        });
+        Table(rows.collect())
+    }
+
+    fn at(&self, theta_o: f64, theta_j: f64, phi: f64) -> Vec3A {
+        let place = |x: f64, count: usize| {
+            let x = x * (count - 1) as f64;
+            let first = (x as usize).min(count - 2);
+            (first, (x - first as f64) as f32)
+        };
+        let (a, fa) = place((theta_o + FRAC_PI_2) / PI, THETAS);
+        let (b, fb) = place((theta_j + FRAC_PI_2) / PI, THETAS);
+        let (k, fk) = place(phi.abs() / PI, PHIS);
+        let row = |a: usize, b: usize| {
+            let i = (a * THETAS + b) * PHIS + k;
+            self.0[i].lerp(self.0[i + 1], fk)
+        };
+        row(a, b).lerp(row(a, b + 1), fb).lerp(row(a + 1, b).lerp(row(a + 1, b + 1), fb), fa)
+    }
+}
+
+/// An [`Exchange`] for each tangent. `lights` are not ordinates.
+pub(super) fn exchanges(
+    fast: &Fast,
+    tangents: &[DVec3],
+    ordinates: &[SrbfLight],
+    lights: &[SrbfLight],
+) -> Vec<Exchange> {
+    let count = ordinates.len();
+    let table = ordinates.first().map(|one| Table::new(fast, one.lambda));
+    let exchange = |&t: &DVec3| {
+        let seen = |light: &SrbfLight| angles(t, light.direction);
+        let lobes: Vec<_> = ordinates.iter().map(seen).collect();
+        let outward: Vec<_> = ordinates.iter().map(|one| angles(t, -one.direction)).collect();
+        let mut of_ordinates = Vec::with_capacity(count * count);
+        for &(theta_o, phi_o) in &outward {
+            let first = of_ordinates.len();
+            of_ordinates.extend(lobes.iter().map(|&(theta_j, phi_j)| {
+                table.as_ref().map_or(Vec3A::ZERO, |table| {
+                    table.at(theta_o, theta_j, wrap(phi_o - phi_j))
+                })
+            }));
+            // Lobes overlap, and a strand must make of even light just what it does not keep.
+            let row = &mut of_ordinates[first..];
+            let sum: Vec3A = row.iter().sum();
+            let scale = rgb(fast.albedo(theta_o)) / sum.max(Vec3A::splat(f32::MIN_POSITIVE));
+            row.iter_mut().for_each(|value| *value *= scale);
+        }
+        let energies: Vec<_> =
+            outward.iter().map(|&(theta_o, _)| fast.energy_compensation(theta_o)).collect();
+        let of_light = |light: &SrbfLight| {
+            let (theta_j, phi_j) = seen(light);
+            let values = outward.iter().zip(&energies).map(|(&(theta_o, phi_o), energy)| {
+                let phi = wrap(phi_o - phi_j);
+                let value = scattered(fast, energy, theta_o, theta_j, phi, light.lambda);
+                rgb(value) * rgb(light.rgb)
+            });
+            values.collect::<Vec<_>>()
+        };
+        Exchange { of_ordinates, of_lights: lights.iter().flat_map(of_light).collect() }
+    };
+    tangents.par_iter().map(exchange).collect()
+}
+
+/// By what a lobe's peak is multiplied so that as many as there are ordinates, spread over the sphere, add up to 1.
+pub(super) fn share(ordinates: &[SrbfLight]) -> f64 {
+    ordinates.first().map_or(0.0, |one| {
+        4.0 * PI / ordinates.len() as f64 / lobe_integral(one.lambda)
+    })
+}

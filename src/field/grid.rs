@@ -1,0 +1,149 @@
+//! The hair as a medium of few cells.
+
+use glam::{DVec3, Mat3, Vec3};
+use rayon::prelude::*;
+
+use crate::stage::Geometry;
+use crate::transport::Occluders;
+use crate::transport::volume::Volume;
+
+/// Places of a cell that stand for its hair.
+pub const SAMPLES: usize = 4;
+/// Tangents that stand for all: half of them are within 6° of the next.
+const TANGENTS: usize = 256;
+/// A cell is the head's where less than this share of all directions is open.
+const OPEN: f32 = 0.25;
+
+/// What is hair, what head, and how strands lie.
+pub struct Grid {
+    /// Of S, as [`Volume`] has it, each segment in its own cell alone: what shines and what takes is the same hair.
+    pub volume: Volume,
+    /// Indices of the cells with hair.
+    pub hairy: Vec<u32>,
+    /// [`SAMPLES`] places on strands for each hairy cell, world frame.
+    pub samples: Vec<Vec3>,
+    /// The usual tangents, root to tip, and which of them each hairy cell has.
+    pub(super) tangents: Vec<DVec3>,
+    pub(super) tangent_of: Vec<u32>,
+    /// Cells within the head.
+    pub(super) head: Vec<bool>,
+}
+
+/// What the segments of a cell add up to.
+#[derive(Clone)]
+struct Heap {
+    tensor: Mat3,
+    tangent: Vec3,
+    seen: u32,
+    samples: [Vec3; SAMPLES],
+}
+
+impl Grid {
+    /// `cells` along the longest edge; `occluders` tell where the head is.
+    pub fn new(stage: &Geometry, occluders: &Occluders, cells: usize) -> Grid {
+        let empty = stage.empty_volume(cells);
+        let Volume { cell, dims, .. } = empty;
+        let nothing = Heap {
+            tensor: Mat3::ZERO,
+            tangent: Vec3::ZERO,
+            seen: 0,
+            samples: [Vec3::ZERO; SAMPLES],
+        };
+        let mut heaps = vec![nothing; dims[0] * dims[1] * dims[2]];
+        for segment in stage.segments() {
+            add(&mut heaps, &empty, segment);
+        }
+        let per_volume = cell.powi(3).recip();
+        let tensors = heaps.iter().map(|heap| {
+            let [x, y, z] = (heap.tensor * per_volume).to_cols_array_2d();
+            [x[0], y[1], z[2], x[1], x[2], y[2]]
+        });
+        let volume = Volume { cells: tensors.collect(), ..empty };
+        let head = inside_head(&volume, occluders);
+        let hairy: Vec<u32> =
+            (0..heaps.len()).filter(|&i| heaps[i].seen > 0 && !head[i]).map(|i| i as u32).collect();
+        let samples = hairy.iter().flat_map(|&i| {
+            let heap = &heaps[i as usize];
+            (0..SAMPLES).map(|k| heap.samples[k % heap.seen.min(SAMPLES as u32) as usize])
+        });
+        let (tangents, tangent_of) = usual_tangents(hairy.iter().map(|&i| &heaps[i as usize]));
+        Grid { samples: samples.collect(), volume, hairy, tangents, tangent_of, head }
+    }
+}
+
+fn add(heaps: &mut [Heap], volume: &Volume, (a, b, diameter): (Vec3, Vec3, f32)) {
+    let length = a.distance(b);
+    if length <= 0.0 {
+        return;
+    }
+    let t = (b - a) / length;
+    let pieces = (4.0 * length / volume.cell).ceil().max(1.0);
+    let weight = diameter * length / pieces;
+    for piece in 0..pieces as usize {
+        let p = a.lerp(b, (piece as f32 + 0.5) / pieces);
+        let Some(index) = volume.index_of(p) else { continue };
+        let heap = &mut heaps[index];
+        heap.tensor += Mat3::from_cols(weight * t.x * t, weight * t.y * t, weight * t.z * t);
+        heap.tangent += weight * t;
+        // Any piece is kept with the same chance (Vitter's algorithm R), by numbers that do not change.
+        let place = match heap.seen as usize {
+            seen if seen < SAMPLES => seen,
+            seen => (seen.wrapping_mul(0x9e37_79b9) >> 7) % (seen + 1),
+        };
+        if let Some(sample) = heap.samples.get_mut(place) {
+            *sample = p;
+        }
+        heap.seen += 1;
+    }
+}
+
+/// Of each cell the axis that most hair lies along, on the side that it grows to, as one of few.
+fn usual_tangents<'a>(heaps: impl Iterator<Item = &'a Heap>) -> (Vec<DVec3>, Vec<u32>) {
+    let lattice = crate::srbf::lattice(TANGENTS);
+    let heaps: Vec<&Heap> = heaps.collect();
+    let nearest: Vec<usize> = heaps
+        .par_iter()
+        .map(|heap| {
+            let t = main_axis(heap.tensor);
+            let t = if t.dot(heap.tangent) < 0.0 { -t } else { t }.as_dvec3();
+            let closer = |&a: &usize, &b: &usize| lattice[a].dot(t).total_cmp(&lattice[b].dot(t));
+            (0..TANGENTS).max_by(closer).unwrap_or(0)
+        })
+        .collect();
+    let mut place = [None; TANGENTS];
+    let mut tangents = Vec::new();
+    let tangent_of = nearest.iter().map(|&i| {
+        *place[i].get_or_insert_with(|| {
+            tangents.push(lattice[i]);
+            tangents.len() as u32 - 1
+        })
+    });
+    let tangent_of = tangent_of.collect();
+    (tangents, tangent_of)
+}
+
+/// The eigenvector of the greatest eigenvalue of a symmetric matrix that has no negative one, by squaring it.
+fn main_axis(tensor: Mat3) -> Vec3 {
+    let mut power = tensor;
+    for _ in 0..8 {
+        let trace = power.x_axis.x + power.y_axis.y + power.z_axis.z;
+        power = power * (1.0 / trace.max(f32::MIN_POSITIVE));
+        power = power * power;
+    }
+    let columns = [power.x_axis, power.y_axis, power.z_axis];
+    let longest = columns.into_iter().max_by(|a, b| a.length().total_cmp(&b.length()));
+    longest.and_then(Vec3::try_normalize).unwrap_or(Vec3::Y)
+}
+
+fn inside_head(volume: &Volume, occluders: &Occluders) -> Vec<bool> {
+    let [nx, ny, nz] = volume.dims;
+    if occluders.head.is_none() {
+        return vec![false; nx * ny * nz];
+    }
+    let place = |i: usize| {
+        let at = [i % nx, i / nx % ny, i / nx / ny].map(|at| at as f32 + 0.5);
+        volume.origin + volume.cell * Vec3::from(at)
+    };
+    let places: Vec<Vec3> = (0..nx * ny * nz).map(place).collect();
+    occluders.openness(&places).into_iter().map(|open| open < OPEN).collect()
+}
