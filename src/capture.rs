@@ -345,10 +345,10 @@ fn background(scene: &Scene) -> Background {
 }
 
 fn parts(scattering: Scattering) -> Parts {
-    let all = scattering == Scattering::Both;
+    let is = |parts: &[Scattering]| parts.contains(&scattering);
     Parts {
-        single: all || scattering == Scattering::Single,
-        global: all || scattering == Scattering::Global,
-        local: all || scattering == Scattering::Local,
+        single: is(&[Scattering::Both, Scattering::Single]),
+        global: is(&[Scattering::Both, Scattering::Multiple, Scattering::Global]),
+        local: is(&[Scattering::Both, Scattering::Multiple, Scattering::Local]),
     }
 }

@@ -6,8 +6,8 @@
 pub mod capture;
 pub mod cli;
 pub mod environment;
-pub mod file;
 pub mod field;
+pub mod file;
 pub mod gpu;
 pub mod hair;
 pub mod head;

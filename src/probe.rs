@@ -158,9 +158,7 @@ impl Request {
             Integrator::Fast(model) => {
                 let tables = fast::Tables::new(fibre, model, model.nodes() as usize);
                 let fast = Fast::new(fibre, model, &tables);
-                let of = |x: &[f64; 8]| {
-                    modes(fast.single_scattering(x[0], x[1], x[2], x[3], x[4]))
-                };
+                let of = |x: &[f64; 8]| modes(fast.single_scattering(x[0], x[1], x[2], x[3], x[4]));
                 inputs.par_iter().map(|x| padded(of(x))).collect()
             }
             Integrator::Xu => {

@@ -30,7 +30,14 @@ fn angles(t: DVec3, omega: DVec3) -> (f64, f64) {
 
 /// 𝓜 of all modes for a lobe of bandwidth `lambda`. How an eccentric fibre is turned about its axis is not known
 /// of a cell: φ_o+φ_j counts as 90°, halfway between its axes.
-fn scattered(fast: &Fast, energy: &[f64; 3], theta_o: f64, theta_j: f64, phi: f64, lambda: f64) -> [f64; 3] {
+fn scattered(
+    fast: &Fast,
+    energy: &[f64; 3],
+    theta_o: f64,
+    theta_j: f64,
+    phi: f64,
+    lambda: f64,
+) -> [f64; 3] {
     let m = fast.single_scattering(theta_o, theta_j, phi, 0.0, lambda);
     [0, 1, 2].map(|c| energy[0] * m.r[c] + energy[1] * m.tt[c] + energy[2] * m.trt[c] + m.longer[c])
 }
@@ -90,9 +97,9 @@ pub(super) fn exchanges(
         for &(theta_o, phi_o) in &outward {
             let first = of_ordinates.len();
             of_ordinates.extend(lobes.iter().map(|&(theta_j, phi_j)| {
-                table.as_ref().map_or(Vec3A::ZERO, |table| {
-                    table.at(theta_o, theta_j, wrap(phi_o - phi_j))
-                })
+                table
+                    .as_ref()
+                    .map_or(Vec3A::ZERO, |table| table.at(theta_o, theta_j, wrap(phi_o - phi_j)))
             }));
             // Lobes overlap, and a strand must make of even light just what it does not keep.
             let row = &mut of_ordinates[first..];
@@ -118,7 +125,7 @@ pub(super) fn exchanges(
 
 /// By what a lobe's peak is multiplied so that as many as there are ordinates, spread over the sphere, add up to 1.
 pub(super) fn share(ordinates: &[SrbfLight]) -> f64 {
-    ordinates.first().map_or(0.0, |one| {
-        4.0 * PI / ordinates.len() as f64 / lobe_integral(one.lambda)
-    })
+    ordinates
+        .first()
+        .map_or(0.0, |one| 4.0 * PI / ordinates.len() as f64 / lobe_integral(one.lambda))
 }

@@ -7,8 +7,6 @@ use crate::stage::Geometry;
 use crate::transport::Occluders;
 use crate::transport::volume::Volume;
 
-/// Places of a cell that stand for its hair.
-pub const SAMPLES: usize = 4;
 /// Tangents that stand for all: half of them are within 6° of the next.
 const TANGENTS: usize = 256;
 /// A cell is the head's where less than this share of all directions is open.
@@ -20,8 +18,9 @@ pub struct Grid {
     pub volume: Volume,
     /// Indices of the cells with hair.
     pub hairy: Vec<u32>,
-    /// [`SAMPLES`] places on strands for each hairy cell, world frame.
+    /// A place on a strand for each eighth of a cell that has hair, world frame, and the hair that it stands for.
     pub samples: Vec<Vec3>,
+    sample_weights: Vec<f32>,
     /// The usual tangents, root to tip, and which of them each hairy cell has.
     pub(super) tangents: Vec<DVec3>,
     pub(super) tangent_of: Vec<u32>,
@@ -34,8 +33,8 @@ pub struct Grid {
 struct Heap {
     tensor: Mat3,
     tangent: Vec3,
-    seen: u32,
-    samples: [Vec3; SAMPLES],
+    /// Each eighth's hair, and a place on some of it.
+    eighths: [(f32, Vec3); 8],
 }
 
 impl Grid {
@@ -46,12 +45,12 @@ impl Grid {
         let nothing = Heap {
             tensor: Mat3::ZERO,
             tangent: Vec3::ZERO,
-            seen: 0,
-            samples: [Vec3::ZERO; SAMPLES],
+            eighths: [(0.0, Vec3::ZERO); 8],
         };
         let mut heaps = vec![nothing; dims[0] * dims[1] * dims[2]];
+        let mut number = 1;
         for segment in stage.segments() {
-            add(&mut heaps, &empty, segment);
+            add(&mut heaps, &empty, segment, &mut number);
         }
         let per_volume = cell.powi(3).recip();
         let tensors = heaps.iter().map(|heap| {
@@ -60,18 +59,40 @@ impl Grid {
         });
         let volume = Volume { cells: tensors.collect(), ..empty };
         let head = inside_head(&volume, occluders);
-        let hairy: Vec<u32> =
-            (0..heaps.len()).filter(|&i| heaps[i].seen > 0 && !head[i]).map(|i| i as u32).collect();
-        let samples = hairy.iter().flat_map(|&i| {
-            let heap = &heaps[i as usize];
-            (0..SAMPLES).map(|k| heap.samples[k % heap.seen.min(SAMPLES as u32) as usize])
-        });
+        let has_hair = |heap: &Heap| heap.eighths.iter().any(|eighth| eighth.0 > 0.0);
+        let hairy: Vec<u32> = (0..heaps.len())
+            .filter(|&i| has_hair(&heaps[i]) && !head[i])
+            .map(|i| i as u32)
+            .collect();
+        let eighths = hairy.iter().flat_map(|&i| heaps[i as usize].eighths);
+        let (sample_weights, samples) = eighths.filter(|&(hair, _)| hair > 0.0).unzip();
         let (tangents, tangent_of) = usual_tangents(hairy.iter().map(|&i| &heaps[i as usize]));
-        Grid { samples: samples.collect(), volume, hairy, tangents, tangent_of, head }
+        Grid { samples, sample_weights, volume, hairy, tangents, tangent_of, head }
     }
 }
 
-fn add(heaps: &mut [Heap], volume: &Volume, (a, b, diameter): (Vec3, Vec3, f32)) {
+impl Grid {
+    /// Means over each hairy cell of what is known at [`Self::samples`]: those around count as well, the less the
+    /// farther they are, or the noise of a few samples would show as spots.
+    pub(super) fn means(&self, of_samples: &[f32]) -> Vec<f32> {
+        let mut sums = vec![[0.0f32; 2]; self.head.len()];
+        for ((&place, hair), value) in self.samples.iter().zip(&self.sample_weights).zip(of_samples) {
+            self.volume.corners(place, |cell, weight| {
+                sums[cell][0] += weight * hair * value;
+                sums[cell][1] += weight * hair;
+            });
+        }
+        let mean = |&cell: &u32| sums[cell as usize][0] / sums[cell as usize][1].max(f32::MIN_POSITIVE);
+        self.hairy.iter().map(mean).collect()
+    }
+}
+
+fn add(
+    heaps: &mut [Heap],
+    volume: &Volume,
+    (a, b, diameter): (Vec3, Vec3, f32),
+    number: &mut u32,
+) {
     let length = a.distance(b);
     if length <= 0.0 {
         return;
@@ -85,15 +106,16 @@ fn add(heaps: &mut [Heap], volume: &Volume, (a, b, diameter): (Vec3, Vec3, f32))
         let heap = &mut heaps[index];
         heap.tensor += Mat3::from_cols(weight * t.x * t, weight * t.y * t, weight * t.z * t);
         heap.tangent += weight * t;
-        // Any piece is kept with the same chance (Vitter's algorithm R), by numbers that do not change.
-        let place = match heap.seen as usize {
-            seen if seen < SAMPLES => seen,
-            seen => (seen.wrapping_mul(0x9e37_79b9) >> 7) % (seen + 1),
-        };
-        if let Some(sample) = heap.samples.get_mut(place) {
-            *sample = p;
+        let within = (volume.to_cells(p).fract() * 2.0).floor();
+        let (hair, place) =
+            &mut heap.eighths[(within.x + 2.0 * within.y + 4.0 * within.z) as usize & 7];
+        *hair += weight;
+        // A piece is kept by its share of the hair so far (Chao 1982), with numbers that do not change.
+        let chance = *number as f32 / 2f32.powi(32);
+        *number = number.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        if chance * *hair < weight {
+            *place = p;
         }
-        heap.seen += 1;
     }
 }
 

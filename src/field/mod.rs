@@ -11,7 +11,7 @@
 //!
 //! - [`Grid`]: of geometry alone: cells, their tangents, places to ask transport for L₀.
 //! - `Exchange`: of a fibre: what a tangent makes of every ordinate and light.
-//! - [`solve`]: sweeps along all ordinates in turn, until what cells send out stands still.
+//! - [`solve()`]: sweeps along all ordinates in turn, until what cells send out stands still.
 //!
 //! The medium itself, path traced with exact angles on 32 cells, is 5 to 15 % off the real strands (relative L2 of
 //! 5×5 blocks, white and blond sintel and builtin bob under three maps), and 5 to 14 % on 64. Ordinates add to that:
@@ -24,7 +24,7 @@ mod solve;
 use glam::{Vec3, Vec3A};
 use half::f16;
 
-pub use grid::{Grid, SAMPLES};
+pub use grid::Grid;
 pub use solve::solve;
 
 /// Cells along the longest edge of the hair.

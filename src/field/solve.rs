@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::exchange::{Exchange, exchanges, share};
 use super::grid::Grid;
-use super::{Field, SAMPLES};
+use super::Field;
 use crate::scattering::fast::Fast;
 use crate::srbf::{ORDINATES, SrbfLight};
 use crate::stage::HEAD_ALBEDO;
@@ -33,11 +33,8 @@ pub fn solve(
     let share = share(ordinates) as f32;
     let exchange = exchanges(fast, &grid.tangents, ordinates, narrow);
     let of = |hairy: usize| &exchange[grid.tangent_of[hairy] as usize];
-    // T̃ of light j in a hairy cell.
-    let reach = |j: usize, hairy: usize| {
-        let of_samples = &transport.samples[j][SAMPLES * hairy..SAMPLES * (hairy + 1)];
-        of_samples.iter().sum::<f32>() / SAMPLES as f32
-    };
+    let reached: Vec<Vec<f32>> =
+        transport.samples.par_iter().map(|of_samples| grid.means(of_samples)).collect();
     // What each hairy cell makes of light that no strand has met.
     let first: Vec<Vec<Vec3A>> = (0..grid.hairy.len())
         .into_par_iter()
@@ -46,13 +43,13 @@ pub fn solve(
             let along: Vec<Vec3A> = (ordinates.iter().enumerate())
                 .map(|(i, one)| {
                     let rgb = Vec3A::from(one.rgb.map(|c| c as f32));
-                    rgb * (reach(narrow.len() + i, hairy) / share)
+                    rgb * (reached[narrow.len() + i][hairy] / share)
                 })
                 .collect();
             let mut sent = products(of_ordinates, &along);
             for (j, of_light) in of_lights.chunks_exact(count).enumerate() {
-                let reach = reach(j, hairy);
-                sent.iter_mut().zip(of_light).for_each(|(sent, &value)| *sent += reach * value);
+                let reached = reached[j][hairy];
+                sent.iter_mut().zip(of_light).for_each(|(sent, &value)| *sent += reached * value);
             }
             sent
         })
@@ -61,41 +58,45 @@ pub fn solve(
 
     let cells = grid.head.len();
     let sweeps: Vec<Sweep> = ordinates.par_iter().map(|one| Sweep::new(grid, one)).collect();
+    let head_cells: Vec<usize> = (0..cells).filter(|&cell| grid.head[cell]).collect();
+    let albedo = Vec3A::from(HEAD_ALBEDO);
     // Ordinate by ordinate: what cells send out against it, and the mean of what comes along it.
     let mut sent = vec![Vec3A::ZERO; count * cells];
     let mut lit = vec![Vec3A::ZERO; count * cells];
-    let set = |sent: &mut [Vec3A], cell: usize, values: &dyn Fn(usize) -> Vec3A| {
-        (0..count).fold([0.0; 2], |[moved, all], o| {
-            let (now, before) = (values(o), std::mem::replace(&mut sent[o * cells + cell], values(o)));
-            [moved + (now - before).abs().element_sum(), all + now.element_sum()]
-        })
-    };
-    let mut next: Vec<Vec<Vec3A>> = first.clone();
+    let mut next = first.clone();
     let mut rounds = 0;
     loop {
-        let (mut moved, mut all) = (0.0, 0.0);
-        for (&cell, values) in grid.hairy.iter().zip(&next) {
-            let [m, a] = set(&mut sent, cell as usize, &|o| values[o]);
-            (moved, all) = (moved + m, all + a);
-        }
-        for (cell, &glow) in glow.iter().enumerate().filter(|&(cell, _)| grid.head[cell]) {
-            // Half of all directions of what comes are the head's own.
-            let mean = (0..count).map(|o| lit[o * cells + cell]).sum::<Vec3A>() / count.max(1) as f32;
-            let albedo = Vec3A::from(HEAD_ALBEDO);
-            let radiance = (glow + 2.0 * albedo * mean) / (1.0 + albedo);
-            set(&mut sent, cell, &|_| radiance);
-        }
+        let mean =
+            |cell: usize| (0..count).map(|o| lit[o * cells + cell]).sum::<Vec3A>() / count as f32;
+        // Half of all directions that something comes from are the head's own.
+        let shine: Vec<Vec3A> = head_cells
+            .par_iter()
+            .map(|&cell| (glow[cell] + 2.0 * albedo * mean(cell)) / (1.0 + albedo))
+            .collect();
+        let changes = sent.par_chunks_mut(cells).enumerate().map(|(o, sent)| {
+            let (mut moved, mut all) = (0.0, 0.0);
+            for (&cell, values) in grid.hairy.iter().zip(&next) {
+                let before = std::mem::replace(&mut sent[cell as usize], values[o]);
+                moved += (values[o] - before).abs().element_sum();
+                all += values[o].element_sum();
+            }
+            for (&cell, &radiance) in head_cells.iter().zip(&shine) {
+                sent[cell] = radiance;
+            }
+            (moved, all)
+        });
+        let (moved, all) = changes.reduce(|| (0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
         if rounds > 0 && moved <= SETTLED * all || rounds == MOST_ROUNDS {
             break;
         }
-        let share_done = if all > 0.0 { (moved / all).max(SETTLED).ln() / SETTLED.ln() } else { 1.0 };
-        if !progress(share_done.clamp(0.0, 1.0)) {
+        let done = if all > 0.0 { (moved / all).max(SETTLED).ln() / SETTLED.ln() } else { 1.0 };
+        if !progress(done.clamp(0.0, 1.0)) {
             return None;
         }
-        lit.par_chunks_mut(cells.max(1))
-            .zip(sent.par_chunks(cells.max(1)))
+        lit.par_chunks_mut(cells)
+            .zip(sent.par_chunks(cells))
             .zip(&sweeps)
-            .for_each(|((lit, sent), sweep)| sweep.run(grid, sent, lit));
+            .for_each(|((lit, sent), sweep)| sweep.run(grid.volume.dims, sent, lit));
         next = (0..grid.hairy.len())
             .into_par_iter()
             .map(|hairy| {
@@ -108,9 +109,8 @@ pub fn solve(
             .collect();
         rounds += 1;
     }
-    let radiance = (0..count * cells).map(|i| {
-        (share * lit[i], if grid.head[i % cells] { HEAD_WEIGHT } else { 1.0 })
-    });
+    let radiance = (0..count * cells)
+        .map(|i| (share * lit[i], if grid.head[i % cells] { HEAD_WEIGHT } else { 1.0 }));
     Some(Field {
         origin: grid.volume.origin,
         cell: grid.volume.cell,
@@ -141,8 +141,8 @@ fn head_glow(grid: &Grid, vertices: &[Vec3], irradiance: &[Vec3]) -> Vec<Vec3A> 
 
 /// The way of light along one ordinate through the planes of the grid.
 struct Sweep {
-    /// ρ times the way through a cell.
-    tau: Vec<f32>,
+    /// Of the light that comes to a cell, above what the cell sends out: the mean on its way through, and the rest.
+    kept: Vec<[f32; 2]>,
     /// Axes: the one across planes, and those within.
     axes: [usize; 3],
     /// Whether planes are passed in rising order.
@@ -159,8 +159,17 @@ impl Sweep {
         let axes = [main, (main + 1) % 3, (main + 2) % 3];
         let stretch = way[main].abs().recip();
         let crossings = grid.volume.crossings_per_cell(way);
+        let kept = crossings.into_iter().zip(&grid.head).map(|(crossings, &head)| {
+            let tau = crossings * stretch;
+            match (head, tau > 0.0) {
+                // It sees all that comes and lets nothing through.
+                (true, _) => [1.0, 0.0],
+                (false, true) => [-(-tau).exp_m1() / tau, (-tau).exp()],
+                (false, false) => [1.0, 1.0],
+            }
+        });
         Sweep {
-            tau: crossings.into_iter().map(|c| c * stretch).collect(),
+            kept: kept.collect(),
             axes,
             rising: way[main] > 0.0,
             back: [1, 2].map(|k| -way[axes[k]] * stretch),
@@ -168,8 +177,7 @@ impl Sweep {
     }
 
     /// From what cells send out to the mean of what comes along.
-    fn run(&self, grid: &Grid, sent: &[Vec3A], lit: &mut [Vec3A]) {
-        let dims = grid.volume.dims;
+    fn run(&self, dims: [usize; 3], sent: &[Vec3A], lit: &mut [Vec3A]) {
         let strides = [1, dims[0], dims[0] * dims[1]];
         let [main, a, b] = self.axes;
         // A plane with a dark cell on every side.
@@ -188,18 +196,10 @@ impl Sweep {
                     let from = at.wrapping_add_signed(shift);
                     let low = before[from].lerp(before[from + 1], fa);
                     let high = before[from + width].lerp(before[from + width + 1], fa);
-                    let comes = low.lerp(high, fb);
-                    let tau = self.tau[cell];
-                    if grid.head[cell] {
-                        (lit[cell], after[at]) = (comes, sent[cell]);
-                    } else if tau > 0.0 {
-                        // L − S falls off along the way, and so does its mean.
-                        let [mean, left] = [-(-tau).exp_m1() / tau, (-tau).exp()];
-                        lit[cell] = sent[cell] + mean * (comes - sent[cell]);
-                        after[at] = sent[cell] + left * (comes - sent[cell]);
-                    } else {
-                        (lit[cell], after[at]) = (comes, comes);
-                    }
+                    let above = low.lerp(high, fb) - sent[cell];
+                    let [mean, rest] = self.kept[cell];
+                    lit[cell] = sent[cell] + mean * above;
+                    after[at] = sent[cell] + rest * above;
                 }
             }
             std::mem::swap(&mut before, &mut after);

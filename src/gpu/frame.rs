@@ -282,7 +282,8 @@ impl Renderer {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
         let bright = lights.iter().filter(|light| power(light) > 0.0).count();
         let fair = lights.iter().map(power).sum::<f64>() / bright.max(1) as f64;
-        let least = |light: &SrbfLight| self.negligible * fair / (3.0 * lobe_integral(light.lambda));
+        let least =
+            |light: &SrbfLight| self.negligible * fair / (3.0 * lobe_integral(light.lambda));
         let entries: Vec<LightEntry> = lights
             .iter()
             .map(|light| LightEntry {
@@ -327,8 +328,7 @@ impl Renderer {
     pub fn set_field(&mut self, field: &Field) {
         let (texels, scale) = field.to_gpu();
         let [nx, ny, nz] = field.dims;
-        self.field_texture =
-            volume_texture(&self.gpu, "field", [nx, ny, nz * ORDINATES], &texels);
+        self.field_texture = volume_texture(&self.gpu, "field", [nx, ny, nz * ORDINATES], &texels);
         self.field = Some(FieldPlace {
             origin: field.origin - self.center,
             cell: field.cell,
@@ -586,8 +586,7 @@ impl Renderer {
                     &self.slots,
                 ];
                 let buffers = (0..).zip(buffers).map(|(binding, bound)| buffer(binding, bound));
-                let sampled =
-                    [texture(7, &self.field_texture), sampler(8, &self.field_sampler)];
+                let sampled = [texture(7, &self.field_texture), sampler(8, &self.field_sampler)];
                 device.create_bind_group(&wgpu::BindGroupDescriptor {
                     label: None,
                     layout: &layout,

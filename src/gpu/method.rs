@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 
 use crate::scattering::{
     azimuth_table::Mode,
@@ -13,7 +13,7 @@ use crate::scattering::{
     tables::{self, Tables},
     xu,
 };
-use crate::scene::{Bcsdf, Energies, FibreSpec, Method, RenderSpec};
+use crate::scene::{Bcsdf, Energies, FibreSpec, Method, RenderSpec, Scattering};
 
 use super::shaders;
 use super::uniforms::FibreUniform;
@@ -60,6 +60,11 @@ impl MethodData {
     /// # Errors
     /// One line: a model that the method does not have.
     pub fn new(spec: &FibreSpec, render: &RenderSpec) -> Result<Self> {
+        let parts_of_xu = [Scattering::Global, Scattering::Local];
+        ensure!(
+            render.method == Method::Xu || !parts_of_xu.contains(&render.scattering),
+            "fast does not tell global scattering from local: give --scattering multiple, or --method xu"
+        );
         let fibre = spec.resolve();
         let fast = |model: Model| Self::fast(&fibre, model, render.nodes.unwrap_or(model.nodes()));
         Ok(match (render.method, spec.model) {

@@ -42,10 +42,7 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::{
-    azimuthal::exit_azimuth,
-    fresnel::fresnel,
-    gaussian::bessel_steps,
-    quadrature::GaussLegendre,
+    azimuthal::exit_azimuth, fresnel::fresnel, gaussian::bessel_steps, quadrature::GaussLegendre,
     tables::place,
 };
 

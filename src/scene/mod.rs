@@ -149,9 +149,11 @@ choice! {
         Both = "both",
         /// Light scattered by one fibre only, with its shadows.
         Single = "single",
-        /// Light that came forward through other fibres.
+        /// Light that other fibres have scattered before.
+        Multiple = "multiple",
+        /// Of that, what came forward; of `xu` alone.
         Global = "global",
-        /// Light that came back from the fibres behind.
+        /// Of that, what came back from the fibres behind; of `xu` alone.
         Local = "local",
     }
 }

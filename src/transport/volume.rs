@@ -67,7 +67,11 @@ impl Volume {
         let f = q - base;
         for corner in 0..8usize {
             let [i, j, k] = [corner & 1, (corner >> 1) & 1, corner >> 2];
-            let at = [base.x as isize + i as isize, base.y as isize + j as isize, base.z as isize + k as isize];
+            let at = [
+                base.x as isize + i as isize,
+                base.y as isize + j as isize,
+                base.z as isize + k as isize,
+            ];
             if at.iter().zip(self.dims).all(|(&c, n)| c >= 0 && c < n as isize) {
                 let [x, y, z] = at.map(|c| c as usize);
                 let weight = [1.0 - f.x, f.x][i] * [1.0 - f.y, f.y][j] * [1.0 - f.z, f.z][k];

@@ -18,8 +18,8 @@ use super::method::{Method, table_bytes};
 use super::statistics::Spread;
 use super::{Context, Effort, Groom};
 use crate::capture::{LitHair, bring_lights};
-use crate::field::Field;
 use crate::environment::Environment;
+use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
 use crate::measure::compare::{Report, compare};
@@ -419,8 +419,7 @@ fn picture(
                     place.insert(OfModel::new(view, method.exact, fibre, lit, effort, clock)?)
                 }
             };
-            let subject =
-                causes::Subject {
+            let subject = causes::Subject {
                 method,
                 data: &data[k],
                 field: fields[k].as_ref(),
