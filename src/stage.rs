@@ -1,6 +1,8 @@
 //! The stage: what a scene names, loaded and placed in the world. The real-time frame and the reference both
 //! stand on it.
 
+use std::ops::Range;
+
 use anyhow::Result;
 use glam::{DMat3, Vec3};
 
@@ -83,12 +85,15 @@ impl Geometry {
     }
 
     /// Start, end and diameter of every segment, world units.
-    pub fn segments(&self) -> impl Iterator<Item = (Vec3, Vec3, f32)> {
+    fn segments(&self) -> impl Iterator<Item = (Vec3, Vec3, f32)> {
+        self.hair.strands().flat_map(|strand| self.segments_of(strand))
+    }
+
+    /// The same of the strand with these points.
+    pub fn segments_of(&self, strand: Range<usize>) -> impl Iterator<Item = (Vec3, Vec3, f32)> {
         let Geometry { hair, diameters, .. } = self;
-        hair.strands().flat_map(move |range| {
-            range.skip(1).map(move |i| {
-                (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i]))
-            })
+        strand.skip(1).map(move |i| {
+            (hair.points[i - 1], hair.points[i], 0.5 * (diameters[i - 1] + diameters[i]))
         })
     }
 

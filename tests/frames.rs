@@ -43,7 +43,7 @@ pub fn write_unit_map(folder: &Path) {
 }
 
 /// Writes strands of one thickness as `strands.hair`.
-fn write_hair(folder: &Path, strands: impl Iterator<Item = Vec<Vec3>>) {
+pub fn write_hair(folder: &Path, strands: impl Iterator<Item = Vec<Vec3>>) {
     let mut hair = Hair { offsets: vec![0], ..Hair::default() };
     for points in strands {
         hair.points.extend(points);

@@ -6,6 +6,7 @@ mod chi_square;
 mod cli;
 mod environment;
 mod fast;
+mod field;
 mod frames;
 mod groom;
 mod hair;

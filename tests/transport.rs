@@ -15,6 +15,16 @@ fn light(direction: Vec3, lambda: f64) -> SrbfLight {
     SrbfLight { direction: direction.as_dvec3().normalize(), lambda, rgb: [1.0, 2.0, 3.0] }
 }
 
+fn volume_of(
+    segments: impl Iterator<Item = (Vec3, Vec3, f32)>,
+    [low, high]: [Vec3; 2],
+    cells: usize,
+) -> Volume {
+    let mut volume = Volume::empty(low, high, cells);
+    segments.for_each(|(a, b, diameter)| volume.splat(a, b, diameter));
+    volume
+}
+
 /// Uniform in 0…1, by splitmix64.
 struct Random(u64);
 
@@ -195,7 +205,7 @@ fn the_volume_holds_every_diameter_times_length() {
         })
         .collect();
     let total = |segments: &[(Vec3, Vec3, f32)]| {
-        let volume = Volume::build(segments.iter().copied(), Vec3::NEG_ONE, Vec3::ONE, 24);
+        let volume = volume_of(segments.iter().copied(), [Vec3::NEG_ONE, Vec3::ONE], 24);
         let cubed = f64::from(volume.cell).powi(3);
         let sum = |c: usize| volume.cells.iter().map(|s| f64::from(s[c])).sum::<f64>() * cubed;
         [0, 1, 2, 3, 4, 5].map(sum)
@@ -250,7 +260,7 @@ fn sphere() -> Head {
 #[test]
 fn a_head_blocks_what_lies_behind_it_and_is_lit_from_the_front() {
     let head = sphere();
-    let volume = Volume::build(std::iter::empty(), Vec3::splat(-2.0), Vec3::splat(2.0), 32);
+    let volume = Volume::empty(Vec3::splat(-2.0), Vec3::splat(2.0), 32);
     let narrow = 0.05;
     for omega in directions() {
         let light = light(omega, narrow);
@@ -291,12 +301,14 @@ fn a_head_blocks_what_lies_behind_it_and_is_lit_from_the_front() {
 
 #[test]
 fn cancelled_transport_is_none() {
-    let volume = Volume::build(std::iter::empty(), Vec3::ZERO, Vec3::ONE, 8);
+    let volume = Volume::empty(Vec3::ZERO, Vec3::ONE, 8);
     let occluders = Occluders { volume: &volume, head: None };
     let lights = [light(Vec3::Y, 0.5), light(Vec3::X, 0.1)];
-    assert!(transport(&occluders, &lights, &[Vec3::ZERO], true, &|| false).is_none());
-    let done = transport(&occluders, &lights, &[Vec3::ZERO], true, &|| true).unwrap();
+    assert!(transport(&occluders, &lights, &[Vec3::ZERO], &[], true, &|| false).is_none());
+    let done =
+        transport(&occluders, &lights, &[Vec3::ZERO], &[Vec3::ONE; 2], true, &|| true).unwrap();
     assert_eq!(done.reach.iter().map(Vec::len).collect::<Vec<_>>(), [1, 1]);
+    assert_eq!(done.samples.iter().map(Vec::len).collect::<Vec<_>>(), [2, 2]);
     assert!(done.head_irradiance.is_empty());
 }
 
@@ -377,7 +389,7 @@ impl Fibres {
             (hair.points[a], hair.points[a + 1], diameters[a])
         });
         let (low, high) = hair.bounds();
-        let volume = Volume::build(segments, low, high, 64);
+        let volume = volume_of(segments, [low, high], 64);
         let occluders = Occluders { volume: &volume, head: None };
         let points: Vec<Vec3> = self.probes.iter().map(|&p| hair.points[p]).collect();
         let (reach, _) = occluders.reach(light, &points, true);

@@ -12,7 +12,6 @@ use hairlight::scattering::{
     azimuth_table::AzimuthTable,
     azimuthal::{Energy, FitTable},
     dual::AverageTable,
-    fast,
     fibre::Fibre,
     gaussian,
     global::GlobalTable,
@@ -119,7 +118,7 @@ pub(super) fn flat(modes: Modes) -> Vec<f64> {
 pub(super) const SINGLE: &str =
     "let m = single_scattering(fibre, x[0].x, x[0].y, x[0].z, x[0].w, x[1].x);
     y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2] = vec4f(m.trt.z, m.longer);";
-pub(super) const GLOBAL: &str = "let m = global_scattering(fibre, x[0].x, x[0].y, x[0].z, x[1].x);
+const GLOBAL: &str = "let m = global_scattering(fibre, x[0].x, x[0].y, x[0].z, x[1].x);
     y[0] = vec4f(m.r, m.tt.x); y[1] = vec4f(m.tt.yz, m.trt.xy); y[2] = vec4f(m.trt.z, m.longer);";
 const LOCAL_DIRECT: &str =
     "y[0] = vec4f(local_scattering_direct(fibre, x[0].x, x[0].y, x[0].z, x[1].x), 0.0);";
@@ -293,13 +292,7 @@ fn a_fibre_one_percent_off_is_told() {
 fn hard_inputs_stay_finite() {
     let gpu = cpu();
     let of_xu: &[&str] = &[SINGLE, GLOBAL, LOCAL_DIRECT, LOCAL_FORWARD];
-    let of_fast: &[&str] = &[
-        SINGLE,
-        GLOBAL,
-        "let a = shares(fibre, x[0].x); y[0] = vec4f(a.a_f, 0.0); y[1] = vec4f(a.a_b, 0.0); y[2] = vec4f(a.beta_f2, 0.0);",
-        "y[0] = vec4f(energy_compensation(fibre, x[0].x), 0.0);
-        y[1] = vec4f(field_gain(fibre, x[0].x, Depth(1.0, vec2f(-10.0 * x[1].x, 0.0))), 0.0);",
-    ];
+    let of_fast: &[&str] = &[SINGLE, "y[0] = vec4f(energy_compensation(fibre, x[0].x), 0.0);"];
     let edges = [-FRAC_PI_2, -FRAC_PI_2 + 1e-6, -0.3, 0.0, 0.8, FRAC_PI_2 - 1e-6, FRAC_PI_2];
     let mut inputs = Vec::new();
     for theta_o in edges {
@@ -408,7 +401,23 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
         validated(&shaders::with_exact_single(&shaders::shade(method)));
     }
     same!(shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, pad]);
-    same!(shade(), "Shading", ShadingUniform, [eye, parts, first_light, lights, slots, pad]);
+    same!(
+        shade(),
+        "Shading",
+        ShadingUniform,
+        [
+            eye,
+            parts,
+            first_light,
+            lights,
+            slots,
+            first_ordinate,
+            field_origin,
+            field_cell,
+            field_dims,
+            field_scale
+        ]
+    );
     for (shader, name) in [(shaders::mark(), "Needed"), (shade(), "NeededPoints")] {
         let (members, _) = layout(&validated(&shader), name);
         let offset = |field: &str| members.iter().find(|m| m.0 == field).map(|m| m.1 as u64);
@@ -479,8 +488,6 @@ fn layouts_and_constants_are_those_of_rust() {
     }
     let module = validated(&shaders::probe(Integrator::Fast(Model::Marschner), SINGLE));
     for (name, value) in [
-        ("DIFFUSIVITY", fast::DIFFUSIVITY),
-        ("MEAN_INCLINATION", fast::MEAN_INCLINATION),
         ("COMPENSATION_MAX", longitudinal::COMPENSATION_MAX),
         ("EXPONENT_MAX", nodes::EXPONENT_MAX),
         ("NODE_ROWS", NodeTable::ROWS as f64),

@@ -3,9 +3,9 @@
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
+use super::Field;
 use super::exchange::{Exchange, exchanges, share};
 use super::grid::Grid;
-use super::Field;
 use crate::scattering::fast::Fast;
 use crate::srbf::{ORDINATES, SrbfLight};
 use crate::stage::HEAD_ALBEDO;

@@ -43,7 +43,7 @@ pub struct MethodData {
     /// Nothing that a scene lacks is left out, for judging what is.
     pub general: bool,
     /// The same on the CPU, to find what strands make of each other's light; `xu` has its own way.
-    twin: Option<(Fibre, Arc<fast::Tables>)>,
+    pub twin: Option<(Fibre, Arc<fast::Tables>)>,
 }
 
 const XU_MODES: u32 = 7;
@@ -133,11 +133,6 @@ impl MethodData {
         let (fibre, tables) = self.twin.as_ref()?;
         let Integrator::Fast(model) = self.integrator else { return None };
         Some(Fast::new(fibre, model, tables))
-    }
-
-    /// The same with single scattering by dense quadrature.
-    pub fn with_exact_single(self) -> Self {
-        Self { exact_single: true, ..self }
     }
 
     /// The same with nothing left out.

@@ -103,7 +103,7 @@ impl Method {
 /// A model's single scattering by dense quadrature, its energy made up for by four nodes; where there is a shader.
 pub fn exact_single(model: Bcsdf, fibre: &Fibre) -> Option<MethodData> {
     (model == Bcsdf::Marschner)
-        .then(|| MethodData::fast(fibre, Model::Marschner, 4).with_exact_single())
+        .then(|| MethodData { exact_single: true, ..MethodData::fast(fibre, Model::Marschner, 4) })
 }
 
 /// Bytes of the tables that the shader reads for one fibre.
