@@ -241,7 +241,7 @@ const FIGURES: &str = "\
     quality.samples C, quality.skipping N, quality.total N, quality.transmittance N, \
     quality.width_px N, timing.frame_ms N, timing.passes *, timing.setup_ms N, timing.total_ms N, \
     transport.mean_abs_delta_t 0, transport.mean_delta_t 0, \
-    work.bytes C, work.global_evaluations C, work.head_vertices C, work.lights C, work.lobes C, \
+    work.bytes C, work.field_rounds C, work.global_evaluations C, work.head_vertices C, work.lights C, work.lobes C, \
     work.pairs_asked C, work.pairs_lit C, work.points_shaded C, work.single_evaluations C, \
     work.transport_looks C";
 
@@ -331,8 +331,9 @@ fn dense_white_hair_sends_back_most_of_what_it_gets_and_no_more() {
                 "{bcsdf}, β_R = {beta}°, lights {lights}, from {azimuth}°: mean {mean:.3}, most {most:.3}"
             );
             println!("{line}");
-            // What arrives and what leaves are means over other directions: 4.4 % too much where they differ most.
-            if most > 1.05 || mean < 0.65 {
+            // Direct light is known finer than what strands make of it, and with it falls off within a cell: together
+            // they come to 1.2 where that is steepest.
+            if most > 1.25 || mean < 0.75 {
                 let _ = writeln!(report, "{line}");
             }
         }

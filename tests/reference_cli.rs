@@ -203,7 +203,9 @@ fn the_gpu_answers_probes_as_its_twin_does() {
         0.3,1,-0.2,0,0.3,1.55,0.2,7,0.15\n-0.5,2.9,0.4,0,0.6,1.55,0.2,7,0.15\n\
         0.1,0.4,0,-0.3,0.15,1.6,1.3,9,0.2\n";
     let dual = "eta,theta,sigma_a,beta_r_deg,w_c\n1.55,0.3,0.2,7,0.15\n1.5,-1,0,9,0.2\n";
-    for (function, input) in [("srbf", srbf), ("dual", dual)] {
+    for (function, method, input) in
+        [("srbf", "fast", srbf), ("srbf", "xu", srbf), ("dual", "xu", dual)]
+    {
         let table = |arguments: &[&str]| {
             let output = probe(&[&[function], arguments].concat(), input);
             assert!(output.status.success(), "{}", stderr(&output));
@@ -213,8 +215,8 @@ fn the_gpu_answers_probes_as_its_twin_does() {
                 .collect();
             rows
         };
-        let cpu = table(&["--method", "fast"]);
-        let gpu = table(&["--on", "gpu", "--adapter", "cpu"]);
+        let cpu = table(&["--method", method]);
+        let gpu = table(&["--method", method, "--on", "gpu", "--adapter", "cpu"]);
         assert_eq!(cpu[0], gpu[0], "{function}");
         let given = input.lines().next().unwrap().split(',').count();
         let mut worst = 0f64;

@@ -38,7 +38,7 @@ pub const ORDINATES: usize = 48;
 /// Bandwidth of an ordinate's lobe: at 2.5/√48 as many add up to an even light to 1 %.
 const ORDINATE: f64 = 0.36;
 /// Lights wider than this are shared out among ordinates.
-const WIDEST: f64 = 0.45;
+const WIDEST: f64 = 0.6;
 /// Weights fainter than this share of the greatest are dropped.
 const FAINT: f64 = 0.01;
 /// Sweeps of coordinate descent; the weights have settled to 1e-6 long before.
