@@ -371,10 +371,10 @@ fn wide_lights_split_into_the_same_light() {
         }
         (difference / norm).sqrt()
     };
-    for (lambda, most) in [(0.6, 1e-12), (0.7, 0.06), (1.0, 0.03), (2.0, 0.02), (1e3, 0.02)] {
+    for (lambda, most) in [(0.6, 1e-12), (0.7, 0.06), (1.0, 0.04), (2.0, 0.04), (1e3, 0.04)] {
         let error = relative_l2(lambda, 1.0);
         println!("λ = {lambda}: {error}");
         assert!(error <= most, "λ = {lambda}: {error}");
     }
-    assert!(relative_l2(1.0, 1.5) > 0.03, "a part half as bright again must show");
+    assert!(relative_l2(1.0, 1.5) > 0.06, "a part half as bright again must show");
 }
