@@ -351,12 +351,15 @@ fn by_cause(bench: &Bench) -> Plot {
             .collect();
         let bars: Vec<String> = found.iter().map(|(image, _)| image.name()).collect();
         let title = format!("{method}: error of each cause alone");
-        let mut panel = Bars { title, x: Axis::linear(ERROR, 0.0, 1.0, 1.0), bars, parts };
-        let most = panel.most();
-        let steps = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter();
-        let step = steps.clone().find(|s| most <= 8.0 * s).unwrap_or(100.0);
-        panel.x = Axis::linear(ERROR, 0.0, (most / step).ceil().max(1.0) * step, step);
-        panel
+        Bars { title, x: Axis::linear(ERROR, 0.0, 1.0, 1.0), bars, parts }
     });
-    Plot::Bars { panels: panels.collect() }
+    let mut panels: Vec<Bars> = panels.collect();
+    // One axis for all: bars are there to be compared.
+    let most = panels.iter().map(Bars::most).fold(0.0, f64::max);
+    let step = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|s| most <= 8.0 * s);
+    let step = step.unwrap_or(100.0);
+    for panel in &mut panels {
+        panel.x = Axis::linear(ERROR, 0.0, (most / step).ceil().max(1.0) * step, step);
+    }
+    Plot::Bars { panels }
 }
