@@ -22,6 +22,7 @@ use crate::environment::Environment;
 use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
+use crate::gpu::method::Integrator;
 use crate::measure::compare::{Report, compare};
 use crate::measure::read::Picture;
 use crate::progress::Clock;
@@ -378,13 +379,25 @@ fn picture(
 
     // All methods in each round; the first warms up.
     let data: Vec<_> = methods.iter().map(|method| method.data(&resolved, tables)).collect();
-    let fields: Vec<Option<Field>> =
-        data.iter().map(|data| lit.hair.field(data, clock)).collect::<Result<_>>()?;
+    // Nodes make no difference that a grid could tell: one field a model.
+    let mut of_integrators: Vec<(Integrator, Option<Field>)> = Vec::new();
+    for data in &data {
+        if of_integrators.iter().all(|(integrator, _)| *integrator != data.integrator) {
+            of_integrators.push((data.integrator, lit.hair.field(data, clock)?));
+        }
+    }
+    let fields: Vec<Option<&Field>> = data
+        .iter()
+        .map(|data| {
+            let of = of_integrators.iter().find(|(integrator, _)| *integrator == data.integrator);
+            of.and_then(|(_, field)| field.as_ref())
+        })
+        .collect();
     let mut times = vec![Vec::new(); methods.len()];
     let mut last: Vec<Option<Frame>> = methods.iter().map(|_| None).collect();
     for round in 0..=effort.frame_rounds {
         for (k, data) in data.iter().enumerate() {
-            lit.hair.show(&mut view.renderer, data, fields[k].as_ref());
+            lit.hair.show(&mut view.renderer, data, fields[k]);
             let (frame, shade_ms) = view.render(ALL)?;
             if round > 0 {
                 times[k].push(shade_ms);
@@ -422,7 +435,7 @@ fn picture(
             let subject = causes::Subject {
                 method,
                 data: &data[k],
-                field: fields[k].as_ref(),
+                field: fields[k],
                 lit,
                 truth: truth(method),
                 model,
