@@ -114,7 +114,7 @@ pub struct RenderSpec {
 choice! {
     /// How the integral of a mode against a light is evaluated.
     Method {
-        /// Gauss nodes, a table over azimuth, and a field of returned light.
+        /// Gauss nodes, a table over azimuth, and multiple scattering along ordinates.
         Fast = "fast",
         /// Xu et al. 2011 as printed, but for its misprints.
         Xu = "xu",
