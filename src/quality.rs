@@ -3,8 +3,7 @@
 //!
 //! The error is a relative L2 over hair, the root of the sum of squares of its causes. Each has a law of few numbers,
 //! calibrated on the builtin bob, black, blond and white, under studio, sunset and overcast, path traced at 120×90
-//! (tests/quality.rs: expected over measured is 0.84 to 1.52). At 360×240, with targets of 40 and 12 %, it is 0.72 to
-//! 1.43; on sintel, which they were not calibrated on, 0.83 to 1.45.
+//! (tests/quality.rs: expected over measured is 0.83 to 1.62).
 //!
 //! - fit: the fit's own error after a blur of λ = 0.3. With ten lights instead of forty a frame of black hair under
 //!   studio is 4.5 % further off, and the fit 4.0 %.
