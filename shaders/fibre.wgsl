@@ -14,6 +14,7 @@ struct Fibre {
     eta_per_layer: f32,   // layers per unit of η̄*, 0 for a round fibre
     eta_layers: u32,
     w_c: f32,             // bandwidth of TRT's own blur
+    linked: u32,          // bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted
 }
 
 // What a scene lacks costs nothing: set when the pipeline is made.
@@ -21,6 +22,7 @@ override ECCENTRIC: bool = true;
 override MODES: u32 = 15u;      // bit t: mode t is there and bright enough to be seen; 3 is all past TRT
 override PARTS: u32 = 7u;       // SINGLE | GLOBAL | LOCAL
 override COUNT: bool = false;   // whether work is counted
+override PAINTED: bool = false; // whether points have fibres of their own
 
 fn has_mode(t: u32) -> bool {
     return (MODES & (1u << t)) != 0u;
@@ -72,4 +74,30 @@ fn row_of(x: f32, rows: u32) -> Row {
     let place = clamp(x, 0.0, 1.0) * f32(rows - 1u);
     let first = min(u32(place), rows - 2u);
     return Row(first, place - f32(first));
+}
+
+// A point's own fibre: √σ_a, β_R; α_R, η, eccentricity. Twin: Fibres::fibre of src/paint.
+fn painted_fibre(fibre: Fibre, first: vec4f, second: vec4f) -> Fibre {
+    let beta_r = radians(first.w);
+    let beta = vec3f(beta_r, linked_beta(0.5 * beta_r), linked_beta(2.0 * beta_r));
+    let alpha = radians(second.x) * vec3f(1.0, -0.5, -1.5);
+    let follows = (vec4u(fibre.linked) & vec4u(1u, 2u, 4u, 8u)) != vec4u();
+    var own = fibre;
+    own.sigma_a = first.xyz * first.xyz;
+    own.lambda = select(fibre.lambda, sqrt(8.0) * beta, vec3<bool>(true, follows.xy));
+    own.alpha = select(fibre.alpha, alpha, vec3<bool>(true, follows.zw));
+    own.eta = second.y;
+    if ECCENTRIC {
+        let rise = 2.0 * (second.y - 1.0);
+        let axes = rise * vec2f(square(second.z), 1.0 / square(second.z)) + 2.0 - second.y;
+        own.eta_star = 0.5 * vec2f(axes.x + axes.y, axes.x - axes.y);
+    } else {
+        own.eta_star = vec2f(second.y, 0.0);
+    }
+    return own;
+}
+
+// Within the range of β.
+fn linked_beta(beta: f32) -> f32 {
+    return clamp(beta, radians(0.05), radians(45.0));
 }

@@ -47,6 +47,7 @@ struct NeededPoints {
 // field::Field: RGB and a cell's weight, premultiplied by it, ordinate by ordinate along z.
 @group(1) @binding(7) var field: texture_3d<f32>;
 @group(1) @binding(8) var field_sampler: sampler;
+@group(1) @binding(9) var painted: texture_2d<u32>;             // paint::PointFibre of each point, row by row
 
 @compute @workgroup_size(64)
 fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -71,7 +72,8 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     let axis_x = cos(twist) * normal + sin(twist) * cross(u, normal);
     let axis_y = cross(u, axis_x);
     let o = across(to_eye, axis_x, axis_y);
-    let strand = strand_at(fibre, theta_o);
+    let own = fibre_of(point);
+    let strand = strand_at(own, theta_o);
     let parts = shading.parts & PARTS;
     // Between the centres of cells, so that no ordinate's cells mix with another's.
     let cell = clamp((position - shading.field_origin) / shading.field_cell, vec3f(0.5), shading.field_dims - 0.5);
@@ -111,7 +113,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
             depth_of(bits),
             scattered,
         );
-        total += light_scattering(fibre, strand, arrival, parts);
+        total += light_scattering(own, strand, arrival, parts);
     }
     var shown = vec4f(total, 1.0);
     if COUNT {
@@ -121,6 +123,15 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         shown += radiance[point];
     }
     radiance[point] = shown;
+}
+
+fn fibre_of(point: u32) -> Fibre {
+    if PAINTED {
+        let width = textureDimensions(painted).x;
+        let texel = textureLoad(painted, vec2u(point % width, point / width), 0);
+        return painted_fibre(fibre, unpack(texel.xy), unpack(texel.zw));
+    }
+    return fibre;
 }
 
 // Radiance that other strands have scattered along an ordinate, at a place in cells.

@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::{Result, bail};
 use glam::Vec3;
 
-use crate::field::{self, Field, Grid};
+use crate::field::{self, Field, Grid, Palette};
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
@@ -39,8 +39,9 @@ pub struct CaptureOptions {
 pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let outputs = Outputs::new(scene)?;
-    let method = MethodData::new(&scene.fibre, &scene.render)?;
     let stage = Geometry::load(scene)?;
+    let fibres = stage.fibres(scene)?;
+    let method = MethodData::new(scene.fibre.model, fibres, &scene.render)?;
     let Geometry { hair, center, .. } = &stage;
     let center = *center;
     stage.notes.iter().for_each(|line| clock.note(line));
@@ -66,7 +67,6 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let pieces = lenses.iter().map(|lens| stage.pieces(lens)).max().unwrap_or(1);
     let parts = parts(scene.render.scattering);
 
-    let fibre = scene.fibre.resolve();
     let mut renderer = Renderer::new(gpu, &method, &stage)?;
     clock.step("upload")?;
 
@@ -76,7 +76,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     };
     let facts = |lights: &[SrbfLight]| {
         let width_px = f64::from(stage.diameter) * lenses[0].pixels_per_unit() / lenses[0].distance;
-        Facts::new(&fibre, method.integrator, lights, width_px, parts.multiple())
+        Facts::new(&method, lights, width_px, parts.multiple())
     };
     let mut settings = Settings::of(scene);
     if let Some(target) = scene.render.quality {
@@ -266,10 +266,11 @@ pub fn bring_lights<'a>(
 impl LitHair<'_> {
     /// What strands of a method's fibre make of each other's light; None where the method has another way.
     pub fn field(&self, method: &MethodData, clock: &Clock) -> Result<Option<Field>> {
-        let Some((fast, grid)) = method.twin().zip(self.grid.as_ref()) else { return Ok(None) };
+        let Some((twin, grid)) = method.twin().zip(self.grid.as_ref()) else { return Ok(None) };
+        let palette = Palette::new(grid, self.stage, &twin);
         let head = self.stage.head.as_ref().map_or(&[][..], |head| &head.positions);
         let field = clock.watch("scattered light", |progress| {
-            field::solve(grid, &self.lights, &self.transport, head, &fast, progress)
+            field::solve(grid, &self.lights, &self.transport, head, &palette, &twin, progress)
         });
         if field.is_none() {
             bail!("cancelled");

@@ -13,6 +13,7 @@ pub mod hair;
 pub mod head;
 pub mod image;
 pub mod measure;
+pub mod paint;
 pub mod probe;
 pub mod progress;
 pub mod quality;

@@ -28,6 +28,7 @@ use crate::gpu::Gpu;
 use crate::gpu::frame::NEGLIGIBLE;
 use crate::gpu::method::{Integrator, MethodData};
 use crate::gpu::probe::{INPUTS, Probe};
+use crate::scattering::azimuthal::FitLayers;
 use crate::scattering::fast::{Fast, Tables};
 use crate::scattering::fibre::Fibre;
 use crate::scattering::model::Model;
@@ -117,20 +118,20 @@ pub struct Facts {
 }
 
 impl Facts {
-    pub fn new(
-        fibre: &Fibre,
-        integrator: Integrator,
-        lights: &[SrbfLight],
-        width_px: f64,
-        multiple: bool,
-    ) -> Self {
+    pub fn new(method: &MethodData, lights: &[SrbfLight], width_px: f64, multiple: bool) -> Self {
+        /// Points that stand for painted hair.
+        const JUDGED: usize = 64;
+        let integrator = method.integrator;
         let model = match integrator {
             Integrator::Fast(model) => model,
             Integrator::Xu => Model::Marschner,
         };
-        let tables = Tables::new(fibre, model, 2);
-        let albedo = Fast::new(fibre, model, &tables).albedo(MEAN_INCLINATION);
-        let albedo = albedo.iter().sum::<f64>() / 3.0;
+        let fibres = method.fibres.sample(JUDGED);
+        let layers = FitLayers::over(method.fibres.base(), method.fibres.eta_range());
+        let tables = Tables::over(&layers, model, 2);
+        let albedo = |fibre: &Fibre| Fast::new(fibre, model, &tables).albedo(MEAN_INCLINATION);
+        let sum: f64 = fibres.iter().flat_map(albedo).sum();
+        let albedo = sum / (3 * fibres.len()) as f64;
         Facts { contrast: contrast(lights), albedo, width_px, multiple, integrator }
     }
 

@@ -2,8 +2,9 @@
 //! stand on it.
 
 use std::ops::Range;
+use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use glam::{DMat3, Vec3};
 
 use crate::environment::{self, Environment};
@@ -11,6 +12,7 @@ use crate::hair::groom::GroomOptions;
 use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
 use crate::head::{self, Head};
 use crate::image::luminance;
+use crate::paint::{Fibres, Paint};
 use crate::progress::Clock;
 use crate::scene::{Camera, Lens, Scene};
 use crate::srbf::{SrbfLight, split_wide};
@@ -62,6 +64,24 @@ impl Geometry {
         let (center, radius) = hair.center_radius();
         let (mended, notes) = Default::default();
         Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes }
+    }
+
+    /// The scene's fibre at each point, with what is painted over it.
+    ///
+    /// # Errors
+    /// One line that names the paint: it is of other hair, or cannot be read, or the groom's file has no colours.
+    pub fn fibres(&self, scene: &Scene) -> Result<Fibres> {
+        let paint = match scene.hair.paint.as_deref() {
+            None => None,
+            Some("colors") => Some(Paint::of_colors(&self.hair).with_context(|| {
+                format!(
+                    "{}: has no colours of its points: leave out --paint colors",
+                    scene.hair.source
+                )
+            })?),
+            Some(path) => Some(Paint::read(Path::new(path), &self.hair)?),
+        };
+        Ok(Fibres::new(&scene.fibre, paint.as_ref()))
     }
 
     /// The scene's camera, in the world.

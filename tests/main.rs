@@ -13,6 +13,7 @@ mod hair;
 mod hard_cases;
 mod measure;
 mod nodes;
+mod paint;
 mod probe;
 mod quality;
 mod reference_cli;

@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3, Vec3};
 use hairlight::environment::Environment;
 use hairlight::hair::{Frames, Hair};
 use hairlight::head::Head;
+use hairlight::reference::Models;
 use hairlight::reference::model::{
     Detector, Direction, Evaluation, FibreModel, Path, Sample, Section,
 };
@@ -152,7 +153,7 @@ impl Stage {
 struct Shot<'a> {
     strands: &'a Strands<'a>,
     light: &'a Light<'a>,
-    model: &'a dyn FibreModel,
+    models: &'a Models<'a>,
     lens: Lens,
     size: [u32; 2],
     sampling: Sampling,
@@ -161,11 +162,11 @@ struct Shot<'a> {
 }
 
 impl<'a> Shot<'a> {
-    fn new(strands: &'a Strands<'a>, light: &'a Light<'a>, model: &'a dyn FibreModel) -> Self {
+    fn new(strands: &'a Strands<'a>, light: &'a Light<'a>, models: &'a Models<'a>) -> Self {
         Shot {
             strands,
             light,
-            model,
+            models,
             lens: lens(DVec3::new(1.0, 2.0, 5.0), 0.8),
             size: [24, 24],
             sampling: Sampling::Both,
@@ -179,7 +180,7 @@ impl<'a> Shot<'a> {
             strands: self.strands,
             skin: None,
             light: self.light,
-            model: self.model,
+            models: self.models,
             lens: Lens { size: self.size, ..self.lens },
             sampling: self.sampling,
             max_depth: self.max_depth,
@@ -222,7 +223,8 @@ fn a_furnace_of_lossless_fibres_is_the_maps_colour() {
     // Deviation over the pixels that hair covers whole, in shares of the colour and in standard deviations.
     let furnace = |albedo: f64| {
         let model = BlurredMirror { albedo, ..MIRROR };
-        let film = Shot::new(&strands, &light, &model).render(64);
+        let models = Models::even(&model);
+        let film = Shot::new(&strands, &light, &models).render(64);
         let whole = |i: usize| film.mean(i)[3] == 1.0;
         let count = (0..film.pixels.len()).filter(|&i| whole(i)).count() as f64;
         assert!(count > 100.0, "only {count} pixels are covered");
@@ -251,8 +253,9 @@ fn light_and_fibre_sampling_agree() {
     let map = sunny_map();
     let lights = [Light::map(&map, 0.8, 1.0).unwrap(), Light::map(&map, 0.8, 1.1).unwrap()];
     let model = BlurredMirror { albedo: 0.8, ..MIRROR };
+    let models = Models::even(&model);
     let render = |sampling, light| {
-        Shot { sampling, max_depth: 4, ..Shot::new(&strands, light, &model) }.render(96)
+        Shot { sampling, max_depth: 4, ..Shot::new(&strands, light, &models) }.render(96)
     };
     let by_light = render(Sampling::Light, &lights[0]);
     let worst = |other: &Film| {
@@ -280,7 +283,8 @@ fn the_error_falls_as_the_root_of_the_samples() {
     let map = sunny_map();
     let light = Light::map(&map, 0.0, 1.0).unwrap();
     let model = BlurredMirror { albedo: 0.7, ..MIRROR };
-    let shot = |seed| Shot { seed, size: [10, 10], ..Shot::new(&strands, &light, &model) };
+    let models = Models::even(&model);
+    let shot = |seed| Shot { seed, size: [10, 10], ..Shot::new(&strands, &light, &models) };
     let truth = shot(1).render(2048);
     // Root mean square error, measured and as the film itself has it.
     let errors = |samples: u32, seed: u32| {
@@ -314,7 +318,8 @@ fn threads_and_runs_do_not_change_the_image() {
     let strands = stage.strands(1);
     let map = sunny_map();
     let light = Light::map(&map, 0.0, 1.0).unwrap();
-    let shot = Shot { size: [37, 21], ..Shot::new(&strands, &light, &MIRROR) };
+    let models = Models::even(&MIRROR);
+    let shot = Shot { size: [37, 21], ..Shot::new(&strands, &light, &models) };
     let threads = |count: usize, render: &(dyn Fn() -> Film + Sync)| {
         rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap().install(render)
     };
@@ -352,11 +357,12 @@ fn a_strand_covers_its_width() {
         let mut stage = Stage::new(hair_of(&[strand]), width[0]);
         stage.diameters[last] = width[1];
         let strands = Strands::new(&stage.hair, &stage.diameters, &stage.frames, 1, center);
+        let models = Models::even(&MIRROR);
         let shot = Shot {
             lens: lens(DVec3::new(0.0, 0.0, 30.0), 0.64),
             size: [16, 16],
             max_depth: 0,
-            ..Shot::new(&strands, &light, &MIRROR)
+            ..Shot::new(&strands, &light, &models)
         };
         let film = shot.render(2048);
         let hair: f64 = (0..film.pixels.len()).map(|i| film.hair_coverage(i)).sum();
@@ -494,7 +500,8 @@ fn a_model_that_fails_stops_the_render_with_its_inputs() {
     let map = uniform_map([1.0; 3]);
     let light = Light::map(&map, 0.0, 1.0).unwrap();
     let model = BlurredMirror { bad_above: 0.999, ..MIRROR };
-    let shot = Shot::new(&strands, &light, &model);
+    let models = Models::even(&model);
+    let shot = Shot::new(&strands, &light, &models);
     let mut film = Film::new(shot.size);
     let error = trace(&shot.scene(), &mut film, 256, &|_| true).unwrap_err();
     let line = format!("{error:#}");
@@ -503,7 +510,8 @@ fn a_model_that_fails_stops_the_render_with_its_inputs() {
     for part in ["pixel (", "sample ", "theta_o", "phi_o", "theta_i", "phi_i", "h 0.999", "NaN"] {
         assert!(line.contains(part), "no {part:?} in {line}");
     }
-    assert_eq!(film, Shot::new(&strands, &light, &MIRROR).render(film.samples));
+    let good = Models::even(&MIRROR);
+    assert_eq!(film, Shot::new(&strands, &light, &good).render(film.samples));
 }
 
 #[test]
@@ -520,6 +528,7 @@ fn one_fibre_far_away_scatters_what_quadrature_says() {
     let o = Direction::of(frame.transpose() * eye.normalize());
     for near_field in [true, false] {
         let model = BlurredMirror { albedo: 0.7, kappa: 1.5, near_field, ..MIRROR };
+        let models = Models::even(&model);
         // ½∫∫ f_cos L dω dh over 8 × 8 places of every pixel of the map.
         let fine = Environment { width: 256, height: 128, pixels: Vec::new() };
         let turn = DMat3::from_rotation_y(rotation);
@@ -538,7 +547,7 @@ fn one_fibre_far_away_scatters_what_quadrature_says() {
             lens: lens(eye, 0.6),
             size: [8, 8],
             max_depth: 1,
-            ..Shot::new(&strands, &light, &model)
+            ..Shot::new(&strands, &light, &models)
         }
         .render(2048);
         let covered = covered(&film);
@@ -574,7 +583,8 @@ fn a_convex_head_reflects_its_albedo() {
     let light = Light::map(&map, 0.0, 1.0).unwrap();
     let render = |stage: &Stage, sampling| {
         let strands = stage.strands(1);
-        let shot = Shot { sampling, ..Shot::new(&strands, &light, &MIRROR) };
+        let models = Models::even(&MIRROR);
+        let shot = Shot { sampling, ..Shot::new(&strands, &light, &models) };
         let scene = TraceScene {
             skin: Some(&skin),
             lens: Lens { size: shot.size, ..lens(DVec3::new(3.0, 2.0, 5.0), 1.2) },

@@ -451,6 +451,7 @@ fn layouts_and_constants_are_those_of_rust() {
         ("eta_per_layer", offset_of!(FibreUniform, eta_per_layer)),
         ("eta_layers", offset_of!(FibreUniform, eta_layers)),
         ("w_c", offset_of!(FibreUniform, w_c)),
+        ("linked", offset_of!(FibreUniform, linked)),
     ];
     assert_eq!(offsets, expected);
     assert_eq!(*span as usize, size_of::<FibreUniform>());

@@ -80,16 +80,18 @@ impl Table {
     }
 }
 
-/// An [`Exchange`] for each tangent. `lights` are not ordinates.
+/// An [`Exchange`] for each pair of a tangent and the place of its fibre. `lights` are not ordinates.
 pub(super) fn exchanges(
-    fast: &Fast,
-    tangents: &[DVec3],
+    fibres: &[Fast],
+    pairs: &[(DVec3, usize)],
     ordinates: &[SrbfLight],
     lights: &[SrbfLight],
 ) -> Vec<Exchange> {
     let count = ordinates.len();
-    let table = ordinates.first().map(|one| Table::new(fast, one.lambda));
-    let exchange = |&t: &DVec3| {
+    let table = |fast: &Fast| ordinates.first().map(|one| Table::new(fast, one.lambda));
+    let tables: Vec<_> = fibres.iter().map(table).collect();
+    let exchange = |&(t, fibre): &(DVec3, usize)| {
+        let (fast, table) = (&fibres[fibre], &tables[fibre]);
         let seen = |light: &SrbfLight| angles(t, light.direction);
         let lobes: Vec<_> = ordinates.iter().map(seen).collect();
         let outward: Vec<_> = ordinates.iter().map(|one| angles(t, -one.direction)).collect();
@@ -120,7 +122,7 @@ pub(super) fn exchanges(
         };
         Exchange { of_ordinates, of_lights: lights.iter().flat_map(of_light).collect() }
     };
-    tangents.par_iter().map(exchange).collect()
+    pairs.par_iter().map(exchange).collect()
 }
 
 /// By what a lobe's peak is multiplied so that as many as there are ordinates, spread over the sphere, add up to 1.

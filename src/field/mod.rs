@@ -10,6 +10,7 @@
 //! lobes, so that what arrives along one is one more SRBF light at a point, and shading it is Eq 11 as for any other.
 //!
 //! - [`Grid`]: of geometry alone: cells, their tangents, places to ask transport for L₀.
+//! - [`Palette`]: of paint: which of few fibres each cell has.
 //! - `Exchange`: of a fibre: what a tangent makes of every ordinate and light.
 //! - [`solve()`]: sweeps along all ordinates in turn, until what cells send out stands still.
 //!
@@ -19,16 +20,42 @@
 
 mod exchange;
 mod grid;
+mod palette;
 mod solve;
 
 use glam::{Vec3, Vec3A};
 use half::f16;
 
 pub use grid::Grid;
+pub use palette::Palette;
 pub use solve::solve;
+
+use crate::paint::Fibres;
+use crate::scattering::fast::{Fast, Tables};
+use crate::scattering::fibre::Fibre;
+use crate::scattering::model::Model;
 
 /// Cells along the longest edge of the hair.
 pub const CELLS: usize = 32;
+
+/// What scatters: the fibres of a groom by `fast`, on the CPU.
+#[derive(Clone, Copy)]
+pub struct Twin<'a> {
+    fibres: &'a Fibres,
+    model: Model,
+    tables: &'a Tables,
+}
+
+impl<'a> Twin<'a> {
+    /// `tables` hold all of the fibres' η.
+    pub fn new(fibres: &'a Fibres, model: Model, tables: &'a Tables) -> Self {
+        Self { fibres, model, tables }
+    }
+
+    fn of(&self, fibre: &Fibre) -> Fast<'a> {
+        Fast::new(fibre, self.model, self.tables)
+    }
+}
 
 /// L along every ordinate.
 #[derive(Clone)]

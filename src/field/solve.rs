@@ -1,11 +1,12 @@
 //! Sweeps along ordinates until the light between cells stands still.
 
-use glam::{Vec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A};
 use rayon::prelude::*;
 
-use super::Field;
 use super::exchange::{Exchange, exchanges, share};
 use super::grid::Grid;
+use super::palette::Palette;
+use super::{Field, Twin};
 use crate::scattering::fast::Fast;
 use crate::srbf::{ORDINATES, SrbfLight};
 use crate::stage::HEAD_ALBEDO;
@@ -17,22 +18,25 @@ const MOST_ROUNDS: usize = 200;
 /// Of a cell within the head, among its neighbours: what is seen of one counts where there is no other.
 const HEAD_WEIGHT: f32 = 0.01;
 
-/// Light that has met a strand or the head, for a fibre and `lights` of which the last are the ordinates
-/// (`srbf::split_wide`); `transport` is theirs, to the grid's samples and to the head, whose vertices are at `head`.
-/// `progress` is told the share done; false cancels, and the result is then None.
+/// Light that has met a strand or the head, for the fibres that `palette` has of `twin`'s and `lights` of which the
+/// last are the ordinates (`srbf::split_wide`); `transport` is theirs, to the grid's samples and to the head, whose
+/// vertices are at `head`. `progress` is told the share done; false cancels, and the result is then None.
 pub fn solve(
     grid: &Grid,
     lights: &[SrbfLight],
     transport: &Transport,
     head: &[Vec3],
-    fast: &Fast,
+    palette: &Palette,
+    twin: &Twin,
     progress: &dyn Fn(f32) -> bool,
 ) -> Option<Field> {
     let (narrow, ordinates) = lights.split_at(lights.len() - ORDINATES);
     let count = ORDINATES;
     let share = share(ordinates) as f32;
-    let exchange = exchanges(fast, &grid.tangents, ordinates, narrow);
-    let of = |hairy: usize| &exchange[grid.tangent_of[hairy] as usize];
+    let fibres: Vec<Fast> = palette.fibres.iter().map(|fibre| twin.of(fibre)).collect();
+    let (pairs, pair_of) = pairs(grid, palette);
+    let exchange = exchanges(&fibres, &pairs, ordinates, narrow);
+    let of = |hairy: usize| &exchange[pair_of[hairy]];
     let reached: Vec<Vec<f32>> =
         transport.samples.par_iter().map(|of_samples| grid.means(of_samples)).collect();
     // What each hairy cell makes of light that no strand has met.
@@ -51,6 +55,7 @@ pub fn solve(
                 let reached = reached[j][hairy];
                 sent.iter_mut().zip(of_light).for_each(|(sent, &value)| *sent += reached * value);
             }
+            sent.iter_mut().for_each(|sent| *sent *= palette.tint[hairy]);
             sent
         })
         .collect();
@@ -103,7 +108,9 @@ pub fn solve(
                 let cell = grid.hairy[hairy] as usize;
                 let along: Vec<Vec3A> = (0..count).map(|i| lit[i * cells + cell]).collect();
                 let mut sent = products(&of(hairy).of_ordinates, &along);
-                sent.iter_mut().zip(&first[hairy]).for_each(|(sent, &first)| *sent += first);
+                let tint = palette.tint[hairy];
+                let own = sent.iter_mut().zip(&first[hairy]);
+                own.for_each(|(sent, &first)| *sent = tint * *sent + first);
                 sent
             })
             .collect();
@@ -118,6 +125,22 @@ pub fn solve(
         radiance: radiance.collect(),
         rounds,
     })
+}
+
+/// The pairs of a tangent and a fibre that there are, and which each hairy cell has.
+fn pairs(grid: &Grid, palette: &Palette) -> (Vec<(DVec3, usize)>, Vec<usize>) {
+    let fibres = palette.fibres.len();
+    let mut place = vec![None; fibres * grid.tangents.len()];
+    let mut pairs = Vec::new();
+    let own = grid.tangent_of.iter().zip(&palette.of_cell).map(|(&t, &f)| (t as usize, f as usize));
+    let pair_of = own.map(|(tangent, fibre)| {
+        *place[tangent * fibres + fibre].get_or_insert_with(|| {
+            pairs.push((grid.tangents[tangent], fibre));
+            pairs.len() - 1
+        })
+    });
+    let pair_of = pair_of.collect();
+    (pairs, pair_of)
 }
 
 /// A matrix of rows times a vector.

@@ -1,6 +1,7 @@
 //! One frame: visibility → needed points → shading → resolve, pass by pass, and the background.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
@@ -142,6 +143,8 @@ pub struct Renderer {
     field: Option<FieldPlace>,
     field_texture: wgpu::TextureView,
     field_sampler: wgpu::Sampler,
+    /// `Fibres::points` of the method.
+    painted: wgpu::TextureView,
     method: MethodData,
     environment: wgpu::TextureView,
     environment_rotation_rad: f32,
@@ -217,6 +220,7 @@ impl Renderer {
             field: None,
             field_texture: volume_texture(&gpu, "field", [1; 3], &[Default::default()]),
             field_sampler: linear_sampler(device),
+            painted: point_texture(&gpu, method.fibres.points()),
             method: method.clone(),
             environment: environment_texture(&gpu, 1, 1, &[[0.0; 4]]),
             environment_rotation_rad: 0.0,
@@ -340,6 +344,9 @@ impl Renderer {
     /// Sets the method, its fibre and tables; geometry and lights stay. To or from exact integrals lights are to be
     /// set anew.
     pub fn set_method(&mut self, method: &MethodData) {
+        if !Arc::ptr_eq(&self.method.fibres, &method.fibres) {
+            self.painted = point_texture(&self.gpu, method.fibres.points());
+        }
         self.method = method.clone();
         self.shading.clear();
     }
@@ -586,7 +593,11 @@ impl Renderer {
                     &self.slots,
                 ];
                 let buffers = (0..).zip(buffers).map(|(binding, bound)| buffer(binding, bound));
-                let sampled = [texture(7, &self.field_texture), sampler(8, &self.field_sampler)];
+                let sampled = [
+                    texture(7, &self.field_texture),
+                    sampler(8, &self.field_sampler),
+                    texture(9, &self.painted),
+                ];
                 device.create_bind_group(&wgpu::BindGroupDescriptor {
                     label: None,
                     layout: &layout,

@@ -4,16 +4,18 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
+use crate::field::Twin;
+use crate::paint::Fibres;
 use crate::scattering::{
     azimuth_table::Mode,
-    azimuthal::Energy,
+    azimuthal::{Energy, FitLayers},
     fast::{self, Fast},
     fibre::Fibre,
     model::Model,
     tables::{self, Tables},
     xu,
 };
-use crate::scene::{Bcsdf, Energies, FibreSpec, Method, RenderSpec, Scattering};
+use crate::scene::{Bcsdf, Energies, Method, RenderSpec, Scattering};
 
 use super::shaders;
 use super::uniforms::FibreUniform;
@@ -42,8 +44,10 @@ pub struct MethodData {
     pub modes: u32,
     /// Nothing that a scene lacks is left out, for judging what is.
     pub general: bool,
-    /// The same on the CPU, to find what strands make of each other's light; `xu` has its own way.
-    pub twin: Option<(Fibre, Arc<fast::Tables>)>,
+    /// What is shaded.
+    pub fibres: Arc<Fibres>,
+    /// `tables` on the CPU, to find what strands make of each other's light; `xu` has its own way.
+    pub twin: Option<Arc<fast::Tables>>,
 }
 
 const XU_MODES: u32 = 7;
@@ -59,15 +63,19 @@ impl MethodData {
     ///
     /// # Errors
     /// One line: a model that the method does not have.
-    pub fn new(spec: &FibreSpec, render: &RenderSpec) -> Result<Self> {
+    pub fn new(model: Bcsdf, fibres: Fibres, render: &RenderSpec) -> Result<Self> {
         let parts_of_xu = [Scattering::Global, Scattering::Local];
         ensure!(
             render.method == Method::Xu || !parts_of_xu.contains(&render.scattering),
             "fast does not tell global scattering from local: give --scattering multiple, or --method xu"
         );
-        let fibre = spec.resolve();
-        let fast = |model: Model| Self::fast(&fibre, model, render.nodes.unwrap_or(model.nodes()));
-        Ok(match (render.method, spec.model) {
+        ensure!(
+            render.method == Method::Fast || !fibres.painted(),
+            "xu has no painted hair: give --method fast, or --paint none"
+        );
+        let fibre = *fibres.base();
+        let fast = |model: Model| Self::of(fibres, model, render.nodes.unwrap_or(model.nodes()));
+        Ok(match (render.method, model) {
             (Method::Fast, Bcsdf::Marschner) => fast(Model::Marschner),
             (Method::Fast, Bcsdf::Deon) => fast(Model::Deon),
             (Method::Xu, Bcsdf::Marschner) => Self::xu(&fibre, render.segments, render.energies),
@@ -84,15 +92,29 @@ impl MethodData {
 
     /// `nodes`: 2 to 4 over θ_i.
     pub fn fast(fibre: &Fibre, model: Model, nodes: u32) -> Self {
-        let tables = Arc::new(fast::Tables::new(fibre, model, nodes as usize));
+        Self::of(Fibres::even(fibre), model, nodes)
+    }
+
+    /// The same of a groom whose points may have fibres of their own.
+    pub fn of(fibres: Fibres, model: Model, nodes: u32) -> Self {
+        /// Points that tell which modes are seen.
+        const JUDGED: usize = 256;
+        let base = fibres.base();
+        let layers = match fibres.painted() {
+            true => FitLayers::over(base, fibres.eta_range()),
+            false => FitLayers::new(base),
+        };
+        let tables = Arc::new(fast::Tables::over(&layers, model, nodes as usize));
+        let seen = |fibre: &Fibre| visible_modes(&Fast::new(fibre, model, &tables));
         Self {
             integrator: Integrator::Fast(model),
-            fibre: FibreUniform::new(fibre, model, nodes),
-            modes: visible_modes(&Fast::new(fibre, model, &tables)),
+            fibre: FibreUniform::over(base, &layers, fibres.linked(), model, nodes),
+            modes: fibres.sample(JUDGED).iter().fold(0, |all, fibre| all | seen(fibre)),
             tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
             exact_single: false,
             general: false,
-            twin: Some((*fibre, tables)),
+            fibres: Arc::new(fibres),
+            twin: Some(tables),
         }
     }
 
@@ -117,6 +139,7 @@ impl MethodData {
             exact_single: false,
             modes: XU_MODES,
             general: false,
+            fibres: Arc::new(Fibres::even(fibre)),
             twin: None,
         }
     }
@@ -129,10 +152,10 @@ impl MethodData {
     }
 
     /// The method on the CPU, where frames need what strands make of each other's light.
-    pub fn twin(&self) -> Option<Fast<'_>> {
-        let (fibre, tables) = self.twin.as_ref()?;
+    pub fn twin(&self) -> Option<Twin<'_>> {
+        let tables = self.twin.as_ref()?;
         let Integrator::Fast(model) = self.integrator else { return None };
-        Some(Fast::new(fibre, model, tables))
+        Some(Twin::new(&self.fibres, model, tables))
     }
 
     /// The same with nothing left out.
@@ -155,6 +178,7 @@ impl MethodData {
         };
         vec![
             ("ECCENTRIC", f64::from(self.general || self.fibre.eta_layers > 1)),
+            ("PAINTED", f64::from(self.fibres.painted())),
             ("MODES", f64::from(modes)),
         ]
     }

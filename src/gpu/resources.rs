@@ -1,8 +1,10 @@
 //! Pipelines, buffers and bindings in few words.
 
+use bytemuck::Zeroable as _;
 use wgpu::util::DeviceExt as _;
 
 use super::Gpu;
+use crate::paint::PointFibre;
 
 /// The multisampling that every WebGPU adapter has.
 pub(super) const SAMPLES_PER_TEXEL: u32 = 4;
@@ -123,6 +125,37 @@ pub(super) fn volume_texture(
         },
         wgpu::util::TextureDataOrder::LayerMajor,
         bytemuck::cast_slice(texels),
+    );
+    texture.create_view(&Default::default())
+}
+
+/// Points in a row of a texture that holds something of each.
+const POINTS_A_ROW: usize = 4096;
+
+/// A texture of 16 bytes a point, row by row.
+pub(super) fn point_texture(gpu: &Gpu, points: &[PointFibre]) -> wgpu::TextureView {
+    let width = points.len().clamp(1, POINTS_A_ROW);
+    let height = points.len().div_ceil(width).max(1);
+    let mut texels = points.to_vec();
+    texels.resize(width * height, PointFibre::zeroed());
+    let texture = gpu.device.create_texture_with_data(
+        &gpu.queue,
+        &wgpu::TextureDescriptor {
+            label: Some("painted"),
+            size: wgpu::Extent3d {
+                width: width as u32,
+                height: height as u32,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba32Uint,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        },
+        wgpu::util::TextureDataOrder::LayerMajor,
+        bytemuck::cast_slice(&texels),
     );
     texture.create_view(&Default::default())
 }

@@ -23,13 +23,19 @@ pub struct FibreUniform {
     pub eta_per_layer: f32,
     pub eta_layers: u32,
     pub w_c: f32,
-    _pad: [u32; 2],
+    /// Bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted.
+    pub linked: u32,
+    _pad: u32,
 }
 
 impl FibreUniform {
     /// The fibre, and the nodes (`fast`) or segments m ≥ 2 (`xu`) of the quadrature over θ_i.
     pub fn new(fibre: &Fibre, model: Model, nodes: u32) -> Self {
-        let layers = FitLayers::new(fibre);
+        Self::over(fibre, &FitLayers::new(fibre), 0, model, nodes)
+    }
+
+    /// The same where other fibres within `layers` are there as well, which `linked` is for.
+    pub fn over(fibre: &Fibre, layers: &FitLayers, linked: u32, model: Model, nodes: u32) -> Self {
         Self {
             alpha: fibre.alpha.map(|a| a as f32),
             eta: fibre.eta as f32,
@@ -42,7 +48,8 @@ impl FibreUniform {
             eta_per_layer: layers.per_eta() as f32,
             eta_layers: layers.count as u32,
             w_c: fibre.w_c as f32,
-            _pad: [0; 2],
+            linked,
+            _pad: 0,
         }
     }
 }

@@ -25,12 +25,13 @@
 //! half of the range of Φ and σ = w_c/√2, and without bound if w_c is 0.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_8, PI, TAU};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::model::{Detector, Direction, Evaluation, FibreModel, Path, Sample, Section};
 use crate::scattering::{
-    azimuthal::{ClearEnergies, eccentric_eta, exit_azimuth, wrap},
+    azimuthal::{ClearEnergies, ClearRange, eccentric_eta, exit_azimuth, wrap},
     fibre::Fibre,
     fresnel::fresnel,
     gaussian::{concentration, g_circular, g_circular_integral},
@@ -77,15 +78,28 @@ pub struct Marschner {
     /// η*(φ_h) = mean + half·cos 2φ_h.
     eta_star: (f64, f64),
     compensated: bool,
+    drawing: Arc<Drawing>,
+    kept: Kept,
+}
+
+/// What samples are drawn by. The density is that of the draw whichever fibre this was made for.
+#[derive(Debug)]
+struct Drawing {
     /// A_p over |h|, the sum over RGB of a round fibre; rows over cosθ_d.
     offsets: [Densities; 3],
     /// cos²θ_i/cos²θ_d times the mean of A_p over h, over the cumulative share of M_p's Gaussian; rows over θ_o.
     inclinations: [Densities; 3],
     /// The mean over θ_i of TRT's A over |h|, by which it is chosen at a given h; rows over θ_o.
     trt_offsets: Densities,
-    /// Z_p(θ_o) = ∫M_p cos²θ_i/cos²θ_d E_p(θ_d) dθ_i / E_p(θ_o), E_p the energy of a clear fibre's lobe.
-    kept: Vec<[f64; 3]>,
     rule: GaussLegendre,
+}
+
+/// Z_p(θ_o) = ∫M_p cos²θ_i/cos²θ_d E_p(θ_d) dθ_i / E_p(θ_o), E_p the energy of a clear fibre's lobe.
+#[derive(Clone, Debug)]
+enum Kept {
+    Rows(Arc<Vec<[f64; 3]>>),
+    /// At the θ_o that the model was made for.
+    There([f64; 3]),
 }
 
 /// How lobes and inclinations are drawn for one ω_o.
@@ -94,7 +108,7 @@ pub(super) struct Choice {
     /// Probability of each lobe; all 0 where there is no light.
     pub(super) share: [f64; 3],
     gaussian: [TruncatedGaussian; 3],
-    /// Of [`Marschner::inclinations`].
+    /// Of [`Drawing::inclinations`].
     row: Row,
     /// What their values times M_p are multiplied by to be densities, the lobe's probability included.
     scale: [f64; 3],
@@ -197,11 +211,32 @@ impl Marschner {
             detector_peak,
             eta_star: eccentric_eta(fibre.eta, fibre.eccentricity),
             compensated,
-            offsets,
-            inclinations,
-            trt_offsets,
+            drawing: Arc::new(Drawing { offsets, inclinations, trt_offsets, rule }),
+            kept: Kept::Rows(Arc::new(kept)),
+        }
+    }
+
+    /// The model of another fibre of the same w_c, to be seen from `theta_o` alone: its values are exact, its samples
+    /// are drawn by what this one's are. `clear` knows the fibre's η.
+    pub fn alike(&self, fibre: &Fibre, theta_o: f64, clear: &ClearRange) -> Self {
+        let own = &self.fibre;
+        let same = (own.eta, own.alpha, own.beta) == (fibre.eta, fibre.alpha, fibre.beta);
+        let kept = match self.compensated && !same {
+            true => Kept::There([0, 1, 2].map(|p| {
+                let energy = |theta_d: f64| clear.at(fibre.eta, theta_d)[p];
+                let (alpha, beta) = (fibre.alpha[p], fibre.beta[p]);
+                kept_share(&self.drawing.rule, theta_o, alpha, beta, energy)
+            })),
+            false => self.kept.clone(),
+        };
+        Self {
+            fibre: *fibre,
+            detector: self.detector,
+            detector_peak: self.detector_peak,
+            eta_star: eccentric_eta(fibre.eta, fibre.eccentricity),
+            compensated: self.compensated,
+            drawing: self.drawing.clone(),
             kept,
-            rule,
         }
     }
 
@@ -212,7 +247,10 @@ impl Marschner {
 
     /// Z_p(θ_o), interpolated.
     fn kept(&self, theta_o: f64) -> [f64; 3] {
-        interpolate(&self.kept, theta_to_x(theta_o))
+        match &self.kept {
+            Kept::Rows(rows) => interpolate(rows, theta_to_x(theta_o)),
+            Kept::There(kept) => *kept,
+        }
     }
 
     /// C_p for Z_p = `kept`.
@@ -249,11 +287,11 @@ impl Marschner {
         for p in 0..3 {
             choice.gaussian[p] = TruncatedGaussian::of(&self.fibre, p, theta_o);
             choice.compensation[p] = self.compensation(kept[p]);
-            inside[p] = choice.gaussian[p].inside * self.inclinations[p].integral(row);
+            inside[p] = choice.gaussian[p].inside * self.drawing.inclinations[p].integral(row);
             choice.share[p] = choice.compensation[p] * inside[p];
         }
         if let (Some(h), Detector::Circular { .. }) = (h, self.detector) {
-            choice.share[2] *= self.trt_offsets.density(row, h.abs());
+            choice.share[2] *= self.drawing.trt_offsets.density(row, h.abs());
         }
         let floor = SHARE_MIN * choice.share.iter().sum::<f64>();
         for (p, &inside) in inside.iter().enumerate() {
@@ -282,8 +320,8 @@ impl Marschner {
         let row = Row::at(cross.cos_d, OFFSET_ROWS);
         let (sin_half, cos_half) = (0.5 * phi).sin_cos();
         let azimuths = [
-            r(&cross, sin_half, cos_half, |h| self.offsets[0].density(row, h)),
-            tt(&cross, sin_half.abs(), cos_half, |h| self.offsets[1].density(row, h)),
+            r(&cross, sin_half, cos_half, |h| self.drawing.offsets[0].density(row, h)),
+            tt(&cross, sin_half.abs(), cos_half, |h| self.drawing.offsets[1].density(row, h)),
             self.trt(phi, 0.5 * (i.phi + o.phi), cos2_d, h),
         ];
         let theta_i = i.theta();
@@ -293,7 +331,7 @@ impl Marschner {
         for (p, azimuth) in azimuths.iter().enumerate() {
             let (density, u) = choice.gaussian[p].density_and_share(theta_i);
             let m = density / cos_i;
-            let drawn = choice.scale[p] * self.inclinations[p].value(choice.row, u);
+            let drawn = choice.scale[p] * self.drawing.inclinations[p].value(choice.row, u);
             evaluation.pdf += drawn * m * azimuth.density;
             let value = choice.compensation[p] * projection * m;
             for c in 0..3 {
@@ -308,7 +346,7 @@ impl Marschner {
         let cross = self.cross_section(2, cos2_d, phi_h);
         let Detector::Circular { kappa } = self.detector else {
             let row = Row::at(cross.cos_d, OFFSET_ROWS);
-            let bare = caustic(&cross, phi, |h| self.offsets[2].density(row, h));
+            let bare = caustic(&cross, phi, |h| self.drawing.offsets[2].density(row, h));
             let density = if self.eccentric() { 1.0 / TAU } else { bare.density };
             return Azimuth { density, ..bare };
         };
@@ -344,7 +382,7 @@ impl Marschner {
         let side = 2.0 * u - 1.0;
         let offset = || {
             let row = Row::at(cross.cos_d, OFFSET_ROWS);
-            self.offsets[p].sample(row, side.abs()).copysign(side)
+            self.drawing.offsets[p].sample(row, side.abs()).copysign(side)
         };
         match (p, self.detector) {
             (0, _) => 2.0 * offset().asin(),
@@ -387,7 +425,7 @@ impl FibreModel for Marschner {
             (0, _) => r(&cross, sin_half, cos_half, |_| 1.0).value,
             (1, _) => tt(&cross, sin_half.abs(), cos_half, |_| 1.0).value,
             (_, Detector::Circular { kappa }) => {
-                blurred_trt(&self.rule, &cross, phi, kappa).map(|n| n * self.detector_peak)
+                blurred_trt(&self.drawing.rule, &cross, phi, kappa).map(|n| n * self.detector_peak)
             }
             _ => caustic(&cross, phi, |_| 1.0).value,
         }
@@ -400,7 +438,7 @@ impl FibreModel for Marschner {
     fn sample(&self, o: &Direction, h: f64, u: [f64; 4]) -> Option<Sample> {
         let choice = self.choice_at(o, Some(h));
         let p = choice.lobe(u[0])?;
-        let share = self.inclinations[p].sample(choice.row, u[1]);
+        let share = self.drawing.inclinations[p].sample(choice.row, u[1]);
         let theta_i = choice.gaussian[p].sample(share);
         let level = Direction::new(theta_i, 0.0);
         let phi = self.draw_azimuth(p, cos2_d(o, &level), h, u[2]);

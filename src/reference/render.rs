@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail, ensure};
 use exr::meta::attribute::{AttributeValue, Text};
 
-use super::model_of;
+use super::Models;
 use super::tracer::film::Film;
 use super::tracer::light::Light;
 use super::tracer::skin::Skin;
@@ -19,6 +19,7 @@ use super::tracer::{Sampling, TraceScene, trace};
 use crate::environment::Environment;
 use crate::image::{Format, write_display, write_exr};
 use crate::measure::read::read_image;
+use crate::paint::Fibres;
 use crate::progress::{Clock, Reporting};
 use crate::quality::Settings;
 use crate::scene::{Background, Lens, Scene};
@@ -72,7 +73,8 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     let pieces = stage.pieces(&lens);
     let rotation = scene.environment.rotation_deg.to_radians();
     let gain = 2f64.powf(scene.environment.exposure);
-    let identity = identity(scene, options, &map, &stage);
+    let fibres = stage.fibres(scene)?;
+    let identity = identity(scene, options, &map, &stage, &fibres);
     let mut film = match options.resume {
         true => resume(path, scene, &map, &lens, &identity)?,
         false => Film::new(scene.output.size),
@@ -91,12 +93,12 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     let Geometry { hair, diameters, frames, head, center, .. } = &stage;
     let strands = Strands::new(hair, diameters, frames, pieces, *center);
     let skin = head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center));
-    let model = model_of(&scene.fibre);
+    let models = Models::new(&scene.fibre, &fibres);
     let traced = TraceScene {
         strands: &strands,
         skin: skin.as_ref(),
         light: &light,
-        model: &*model,
+        models: &models,
         lens,
         max_depth: options.max_depth,
         sampling: options.sampling,
@@ -143,11 +145,14 @@ fn identity(
     options: &ReferenceOptions,
     map: &Environment,
     stage: &Geometry,
+    fibres: &Fibres,
 ) -> String {
     let mut scene = scene.clone();
     // These change the file or the picture past the hair alone.
     scene.output = crate::scene::OutputSpec { size: scene.output.size, ..Default::default() };
     scene.render = Default::default();
+    // What is painted counts, not the name of its file.
+    scene.hair.paint = None;
     let mut hasher = blake3::Hasher::new();
     let ReferenceOptions { max_depth, lighting, seed, sampling, .. } = options;
     hasher.update(scene.to_toml().as_bytes());
@@ -155,6 +160,7 @@ fn identity(
     hasher.update(map.content_hash().as_bytes());
     hasher.update(bytemuck::cast_slice(&stage.hair.points));
     hasher.update(bytemuck::cast_slice(&stage.diameters));
+    hasher.update(bytemuck::cast_slice(fibres.points()));
     if let Some(head) = &stage.head {
         hasher.update(bytemuck::cast_slice(&head.positions));
     }

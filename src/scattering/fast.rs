@@ -40,9 +40,13 @@ pub struct Tables {
 impl Tables {
     /// Tables for a fibre's η and cross section with `nodes` (2 to 4; others are clamped) nodes over θ_i.
     pub fn new(fibre: &Fibre, model: Model, nodes: usize) -> Self {
+        Self::over(&FitLayers::new(fibre), model, nodes)
+    }
+
+    /// The same for all fibres within `layers`.
+    pub fn over(layers: &FitLayers, model: Model, nodes: usize) -> Self {
         static RULES: [[OnceLock<NodeTable>; 3]; 2] = [const { [const { OnceLock::new() }; 3] }; 2];
         let count = nodes.clamp(2, 4);
-        let layers = FitLayers::new(fibre);
         Self {
             azimuth: AzimuthTable::over(layers.low, layers.high, layers.count),
             nodes: RULES[model as usize][count - 2]

@@ -16,3 +16,16 @@ pub struct Fibre {
     /// Eccentricity a of the cross section, 0.5 to 2; 1 is a circle.
     pub eccentricity: f64,
 }
+
+/// β of R, TT, TRT where those of TT and TRT follow R's (Marschner 2003, Table 1); any unit.
+pub fn linked_beta(beta_r: f64) -> [f64; 3] {
+    [beta_r, 0.5 * beta_r, 2.0 * beta_r]
+}
+
+/// The same of α.
+pub fn linked_alpha(alpha_r: f64) -> [f64; 3] {
+    [alpha_r, -0.5 * alpha_r, -1.5 * alpha_r]
+}
+
+/// Least and greatest β that is asked for, degrees; linked ones are held within.
+pub const BETA_DEG: [f64; 2] = [0.05, 45.0];

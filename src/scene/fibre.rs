@@ -9,10 +9,7 @@
 
 use super::Bcsdf;
 use super::preset::PRESETS;
-use crate::scattering::fibre::Fibre;
-
-/// Least and greatest β of the keys, degrees; linked widths are held within.
-pub(super) const BETA_DEG: [f64; 2] = [0.05, 45.0];
+use crate::scattering::fibre::{BETA_DEG, Fibre, linked_alpha, linked_beta};
 
 /// d'Eon 2011 §6.1, linear sRGB, per radius and unit of concentration.
 const EUMELANIN_CROSS_SECTION: [f64; 3] = [0.419, 0.697, 1.37];
@@ -96,17 +93,15 @@ impl FibreSpec {
     /// The parameters that the scattering maths takes: radians, σ_a per radius, links resolved by
     /// Marschner's ratios (2003, Table 1).
     pub fn resolve(&self) -> Fibre {
+        let [beta_r, beta_tt, beta_trt] = linked_beta(self.beta_r_deg);
+        let [alpha_r, alpha_tt, alpha_trt] = linked_alpha(self.alpha_r_deg);
         let [least, most] = BETA_DEG;
-        let linked_beta = |own: Option<f64>, linked: f64| own.unwrap_or(linked.clamp(least, most));
-        let beta = [
-            self.beta_r_deg,
-            linked_beta(self.beta_tt_deg, self.beta_r_deg / 2.0),
-            linked_beta(self.beta_trt_deg, self.beta_r_deg * 2.0),
-        ];
+        let beta = |own: Option<f64>, linked: f64| own.unwrap_or(linked.clamp(least, most));
+        let beta = [beta_r, beta(self.beta_tt_deg, beta_tt), beta(self.beta_trt_deg, beta_trt)];
         let alpha = [
-            self.alpha_r_deg,
-            self.alpha_tt_deg.unwrap_or(-self.alpha_r_deg / 2.0),
-            self.alpha_trt_deg.unwrap_or(-self.alpha_r_deg * 1.5),
+            alpha_r,
+            self.alpha_tt_deg.unwrap_or(alpha_tt),
+            self.alpha_trt_deg.unwrap_or(alpha_trt),
         ];
         Fibre {
             eta: self.eta,
@@ -116,6 +111,12 @@ impl FibreSpec {
             w_c: self.w_c,
             eccentricity: self.eccentricity,
         }
+    }
+
+    /// Whether β_TT, β_TRT, α_TT and α_TRT follow R's.
+    pub fn links(&self) -> [bool; 4] {
+        [self.beta_tt_deg, self.beta_trt_deg, self.alpha_tt_deg, self.alpha_trt_deg]
+            .map(|own| own.is_none())
     }
 
     /// Both concentrations, zero where the pigment is no melanin.

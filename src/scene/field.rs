@@ -402,15 +402,17 @@ fn list(text: &str, separator: char) -> Option<Value> {
     numbers.collect::<Option<Vec<f64>>>().map(Value::List)
 }
 
-/// `#rrggbb` in sRGB, as linear RGB (IEC 61966-2-1).
+/// A channel of sRGB (IEC 61966-2-1), 0 to 1, in linear light.
+pub fn srgb_to_linear(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// `#rrggbb` in sRGB, as linear RGB.
 fn srgb(text: &str) -> Option<Value> {
     let digits = text.strip_prefix('#').filter(|d| d.len() == 6)?;
     let packed = digits.bytes().all(|b| b.is_ascii_hexdigit());
     let packed = packed.then(|| u32::from_str_radix(digits, 16).ok()).flatten()?;
-    let linear = |shift: u32| {
-        let encoded = f64::from((packed >> shift) & 0xff) / 255.0;
-        if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-    };
+    let linear = |shift: u32| srgb_to_linear(f64::from((packed >> shift) & 0xff) / 255.0);
     Some(Value::List(vec![linear(16), linear(8), linear(0)]))
 }
 

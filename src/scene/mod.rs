@@ -14,7 +14,7 @@ mod target;
 
 pub use camera::{Camera, CameraSpec, Lens, Orbit, View};
 pub use fibre::{ChiangSpec, FibreSpec, Pigment};
-pub use field::{Alternative, Field, Kind, Value};
+pub use field::{Alternative, Field, Kind, Value, srgb_to_linear};
 pub use preset::{PRESETS, Preset};
 pub use table::FIELDS;
 pub use target::Target;
@@ -58,6 +58,8 @@ pub struct HairSpec {
     pub clump: Option<f64>,
     /// Share of stray strands, 0 to 1; `None` is the style's own.
     pub flyaway: Option<f64>,
+    /// `colors`, or the path of what is painted on it (see `crate::paint`).
+    pub paint: Option<String>,
 }
 
 /// The words of [`Up`].
@@ -196,6 +198,7 @@ impl Default for HairSpec {
             curl: 1.0,
             clump: None,
             flyaway: None,
+            paint: None,
         }
     }
 }

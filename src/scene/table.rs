@@ -1,11 +1,11 @@
 //! The table of fields: every key of a scene, once.
 
-use super::fibre::BETA_DEG;
 use super::field::{Alternative, Field, Kind, Slot, Value};
 use super::preset::{self, PRESETS};
 use super::{
     Background, Bcsdf, Energies, Method, Orbit, Pigment, Scattering, Scene, UP_WORDS, View,
 };
+use crate::scattering::fibre::BETA_DEG;
 
 /// A field that is a plain member of the scene's structs; `key` follows from where it is.
 macro_rules! field {
@@ -106,6 +106,9 @@ pub static FIELDS: &[Field] = &[
         unset: Some("auto")),
     field!(hair.flyaway, "flyaway", Kind::Number { min: 0.0, max: 1.0 },
         "stray strands of a builtin groom", unset: Some("auto")),
+    field!(hair.paint, "paint", Kind::Source { builtins: &[], words: &["colors"] },
+        "fibre parameters painted on the hair: .paint; colors are those that its file has",
+        unset: Some("none")),
     field!(
         head.source,
         "head",

@@ -27,13 +27,13 @@ use crate::measure::compare::{Report, compare};
 use crate::measure::read::Picture;
 use crate::progress::Clock;
 use crate::quality::Settings;
-use crate::reference::model_of;
 use crate::reference::tracer::film::Film;
 use crate::reference::tracer::light::Light;
 use crate::reference::tracer::skin::Skin;
 use crate::reference::tracer::strands::Strands;
 use crate::reference::tracer::{Sampling, TraceScene, trace};
 use crate::reference::transmittance::RealStrands;
+use crate::reference::{Models, model_of};
 use crate::scene::{Bcsdf, FibreSpec, Lens, PRESETS, Scene};
 use crate::srbf;
 use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights, shaded_lights};
@@ -150,11 +150,12 @@ impl View<'_> {
         progress: &(dyn Fn(f32) -> bool + Sync),
     ) -> Result<()> {
         let model = model_of(&FibreSpec { model: asked.bcsdf, ..asked.fibre.clone() });
+        let models = Models::even(&*model);
         let scene = TraceScene {
             strands: &self.strands,
             skin: self.skin.as_ref(),
             light: asked.light,
-            model: &*model,
+            models: &models,
             lens: self.lens,
             max_depth: asked.max_depth,
             sampling: Sampling::Both,

@@ -10,6 +10,7 @@ use super::Progress;
 use crate::environment;
 use crate::hair::{Frames, Hair};
 use crate::measure::plot::{Axis, COLOURS, Curves, Plot, Series, Stroke};
+use crate::reference::Models;
 use crate::reference::hery::Hery;
 use crate::reference::marschner::Marschner;
 use crate::reference::tracer::film::Film;
@@ -183,11 +184,13 @@ impl Cylinder {
         };
         let strands = Strands::new(&self.hair, &self.diameters, &self.frames, 1, Vec3::ZERO);
         let half = 0.18;
+        let model = Hery::new(Marschner::new(&fibre));
+        let models = Models::even(&model);
         let scene = TraceScene {
             strands: &strands,
             skin: None,
             light,
-            model: &Hery::new(Marschner::new(&fibre)),
+            models: &models,
             lens: Lens {
                 eye: DVec3::new(0.0, 1.5, 6.5),
                 forward: -DVec3::new(0.0, 1.5, 6.5).normalize(),

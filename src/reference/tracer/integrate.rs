@@ -6,7 +6,8 @@ use glam::{DVec3, Vec3};
 use super::skin::{Skin, SkinPoint};
 use super::strands::{FibrePoint, PieceId, StrandRay};
 use super::{Sampling, TraceScene};
-use crate::reference::model::{Direction, Evaluation, FibreModel, Sample};
+use crate::reference::ModelThere;
+use crate::reference::model::{Direction, Evaluation, Sample};
 
 /// From this scattering event on a path may end by chance.
 const ROULETTE_EVENT: u32 = 4;
@@ -59,9 +60,10 @@ enum Hit<'a> {
 }
 
 /// A place where light scatters.
-enum Vertex {
+enum Vertex<'a> {
     Fibre {
         at: FibrePoint,
+        model: ModelThere<'a>,
         /// Towards the viewer, in the fibre's frame.
         o: Direction,
         /// The ray's own or a drawn one.
@@ -81,12 +83,12 @@ struct Turn {
     pdf: f64,
 }
 
-impl Vertex {
-    fn turn(&self, model: &dyn FibreModel, omega: DVec3) -> Result<Turn> {
+impl Vertex<'_> {
+    fn turn(&self, omega: DVec3) -> Result<Turn> {
         let (f_cos, pdf) = match self {
-            Vertex::Fibre { at, o, h } => {
+            Vertex::Fibre { at, model, o, h } => {
                 let i = Direction::of(at.frame.transpose() * omega);
-                let Evaluation { f_cos, pdf } = model.evaluate(o, &i, *h);
+                let Evaluation { f_cos, pdf } = model.model().evaluate(o, &i, *h);
                 if !(is_light(f_cos.into()) && pdf.is_finite() && pdf >= 0.0) {
                     return Err(fault("value", o, &i, *h, f_cos, pdf));
                 }
@@ -101,10 +103,10 @@ impl Vertex {
     }
 
     /// None where the draw carries no light.
-    fn draw(&self, model: &dyn FibreModel, u: [f64; 4]) -> Result<Option<Turn>> {
+    fn draw(&self, u: [f64; 4]) -> Result<Option<Turn>> {
         Ok(match self {
-            Vertex::Fibre { at, o, h } => {
-                let Some(Sample { direction, value }) = model.sample(o, *h, u) else {
+            Vertex::Fibre { at, model, o, h } => {
+                let Some(Sample { direction, value }) = model.model().sample(o, *h, u) else {
                     return Ok(None);
                 };
                 let (f_cos, pdf) = (DVec3::from(value.f_cos), value.pdf);
@@ -115,7 +117,7 @@ impl Vertex {
                 Some(Turn { omega: omega.normalize(), f_cos, pdf })
             }
             Vertex::Skin { at, .. } => {
-                let turn = self.turn(model, at.sample([u[0], u[1]]))?;
+                let turn = self.turn(at.sample([u[0], u[1]]))?;
                 (turn.pdf > 0.0).then_some(turn)
             }
         })
@@ -207,7 +209,7 @@ impl<'a> Integrator<'a> {
     }
 
     fn path(&self, mut ray: StrandRay, sampler: &Sampler) -> Result<Seen> {
-        let TraceScene { light, model, sampling, max_depth, .. } = *self.scene;
+        let TraceScene { light, sampling, max_depth, .. } = *self.scene;
         let mut seen = Seen { rays: 1, ..Seen::default() };
         let Some(mut hit) = self.closest(&ray) else { return Ok(seen) };
         seen.covered = true;
@@ -219,7 +221,7 @@ impl<'a> Integrator<'a> {
             if sampling != Sampling::Fibre
                 && let Some(lit) = light.sample([light_u, light_v])
             {
-                let turn = vertex.turn(model, lit.direction)?;
+                let turn = vertex.turn(lit.direction)?;
                 if turn.f_cos != DVec3::ZERO {
                     seen.rays += 1;
                     if !self.occluded(&vertex.leave(turn.omega)) {
@@ -232,7 +234,7 @@ impl<'a> Integrator<'a> {
             if last && sampling == Sampling::Light {
                 break;
             }
-            let Some(turn) = vertex.draw(model, sampler.block(2 * event))? else { break };
+            let Some(turn) = vertex.draw(sampler.block(2 * event))? else { break };
             throughput *= turn.f_cos / turn.pdf;
             if event >= ROULETTE_EVENT {
                 let chance = throughput.max_element().min(1.0 - ROULETTE_LEAST);
@@ -273,7 +275,7 @@ impl<'a> Integrator<'a> {
     }
 
     /// `u` becomes h where the model does not take the ray's own.
-    fn vertex(&self, hit: &Hit, ray: &StrandRay, u: f64) -> Vertex {
+    fn vertex(&self, hit: &Hit, ray: &StrandRay, u: f64) -> Vertex<'a> {
         match *hit {
             Hit::Skin(skin, id, t) => {
                 Vertex::Skin { at: skin.skin_point(id, t, &ray.ray), albedo: skin.albedo }
@@ -282,8 +284,9 @@ impl<'a> Integrator<'a> {
                 let at = self.scene.strands.fibre_point(id, ray);
                 let o = -DVec3::from(Vec3::from(ray.ray.direction));
                 let o = Direction::of(at.frame.transpose() * o);
-                let h = if self.scene.model.near_field() { at.h } else { 2.0 * u - 1.0 };
-                Vertex::Fibre { at, o, h }
+                let h = if self.scene.models.near_field() { at.h } else { 2.0 * u - 1.0 };
+                let model = self.scene.models.there(at.point, at.along, o.theta());
+                Vertex::Fibre { at, model, o, h }
             }
         }
     }

@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use anyhow::{Result, ensure};
 use rayon::prelude::*;
 
-use super::model::FibreModel;
+use super::Models;
 use crate::scene::Lens;
 use film::{Film, Pixel};
 use integrate::Integrator;
@@ -62,8 +62,8 @@ pub struct TraceScene<'a> {
     pub strands: &'a Strands<'a>,
     pub skin: Option<&'a Skin<'a>>,
     pub light: &'a Light<'a>,
-    /// Its `evaluate` knows all that its `sample` draws.
-    pub model: &'a dyn FibreModel,
+    /// Their `evaluate` knows all that their `sample` draws.
+    pub models: &'a Models<'a>,
     /// Relative to the centre of strands and skin.
     pub lens: Lens,
     pub sampling: Sampling,

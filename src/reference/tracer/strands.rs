@@ -118,6 +118,9 @@ pub struct PieceId {
 #[derive(Clone, Copy, Debug)]
 pub struct FibrePoint {
     pub strand: u32,
+    /// The strand point before it, and the part of the way to the next.
+    pub point: u32,
+    pub along: f32,
     /// On the axis, relative to the centre.
     pub axis_point: DVec3,
     pub radius: f64,
@@ -287,6 +290,8 @@ impl<'a> Strands<'a> {
         let h = ((origin - axis_point).dot(side) / radius).clamp(-1.0, 1.0);
         FibrePoint {
             strand: place.strand,
+            point: place.point,
+            along: along as f32,
             axis_point,
             radius,
             frame: DMat3::from_cols(u, y, u.cross(y)),

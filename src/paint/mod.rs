@@ -1,0 +1,309 @@
+//! Paint: fibre parameters at strand points, in place of the scene's.
+//!
+//! - [`Paint`]: what was painted, and how thickly; each [`Channel`] is one thing to paint. It is kept in a file of
+//!   its own (`file.rs`) beside the scene.
+//! - [`Fibres`]: paint over the scene's fibre, ready to be shaded: renderer, field and path tracer ask it alone.
+//!
+//! Absorption is painted, mixed and interpolated as √σ_a: of an assembly's colour C, √σ_a is proportional to −ln C
+//! (Chiang et al. 2016, Eq 9), so that a half is halfway to the eye. A painted width or tilt is that of R; TT and
+//! TRT follow it where the scene links them to R.
+
+mod cluster;
+mod file;
+
+pub use cluster::cluster;
+
+use bytemuck::{Pod, Zeroable};
+use half::f16;
+use rayon::prelude::*;
+
+use crate::hair::Hair;
+use crate::scattering::azimuthal::eccentric_eta;
+use crate::scattering::fibre::{BETA_DEG, Fibre, linked_alpha, linked_beta};
+use crate::scene::{FibreSpec, Pigment, srgb_to_linear};
+
+/// One thing to paint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Channel {
+    /// √σ_a per radius, linear RGB.
+    Absorption,
+    /// β_R, degrees.
+    Roughness,
+    /// α_R, degrees.
+    Tilt,
+    /// η.
+    Eta,
+    /// Ratio of the cross section's axes.
+    Eccentricity,
+}
+
+impl Channel {
+    pub const ALL: [Self; 5] =
+        [Self::Absorption, Self::Roughness, Self::Tilt, Self::Eta, Self::Eccentricity];
+
+    /// Word in files.
+    pub fn word(self) -> &'static str {
+        ["absorption", "roughness", "tilt", "eta", "eccentricity"][self as usize]
+    }
+
+    /// Numbers of a value.
+    pub const fn width(self) -> usize {
+        match self {
+            Self::Absorption => 3,
+            _ => 1,
+        }
+    }
+
+    /// Place of its first number in a [`PointFibre`].
+    const fn first(self) -> usize {
+        [0, 3, 4, 5, 6][self as usize]
+    }
+
+    /// Least and greatest value.
+    pub fn range(self) -> [f32; 2] {
+        match self {
+            // σ_a to 1000.
+            Self::Absorption => [0.0, 31.622_776],
+            Self::Roughness => [0.05, 45.0],
+            Self::Tilt => [-20.0, 20.0],
+            Self::Eta => [1.0, 3.0],
+            Self::Eccentricity => [0.5, 2.0],
+        }
+    }
+}
+
+/// What is painted of one channel at every point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    channel: Channel,
+    /// Of each point its value, then its weight: 0 is bare, 1 covers the scene's own.
+    texels: Vec<f16>,
+}
+
+impl Layer {
+    /// Nothing painted yet.
+    pub fn new(channel: Channel, points: usize) -> Self {
+        Self { channel, texels: vec![f16::ZERO; points * (channel.width() + 1)] }
+    }
+
+    pub fn channel(&self) -> Channel {
+        self.channel
+    }
+
+    /// Value and weight at a point; of a channel of one number the others are 0.
+    pub fn at(&self, point: usize) -> ([f32; 3], f32) {
+        let width = self.channel.width();
+        let texel = &self.texels[point * (width + 1)..][..=width];
+        let value = std::array::from_fn(|k| if k < width { texel[k].to_f32() } else { 0.0 });
+        (value, texel[width].to_f32())
+    }
+
+    /// Sets value (held within the channel's range) and weight (within 0 … 1) at a point.
+    pub fn set(&mut self, point: usize, value: [f32; 3], weight: f32) {
+        let width = self.channel.width();
+        let [least, most] = self.channel.range();
+        let texel = &mut self.texels[point * (width + 1)..][..=width];
+        for (stored, value) in texel.iter_mut().zip(value).take(width) {
+            *stored = f16::from_f32(value.clamp(least, most));
+        }
+        texel[width] = f16::from_f32(weight.clamp(0.0, 1.0));
+    }
+}
+
+/// What is painted on a groom.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Paint {
+    points: usize,
+    /// Those that something is painted in, in the order of [`Channel::ALL`].
+    layers: Vec<Layer>,
+}
+
+impl Paint {
+    /// Bare hair of so many points.
+    pub fn bare(points: usize) -> Self {
+        Self { points, layers: Vec::new() }
+    }
+
+    /// The colours that a groom's file has for its points, taken as sRGB of the hair as a whole; None without.
+    pub fn of_colors(hair: &Hair) -> Option<Self> {
+        let colors = hair.color.as_ref()?;
+        let mut paint = Self::bare(hair.points.len());
+        let layer = paint.layer_mut(Channel::Absorption);
+        for (point, color) in colors.iter().enumerate() {
+            let [least, most] = [0.001, 0.999];
+            let linear = color.map(|c| srgb_to_linear(f64::from(c)).clamp(least, most));
+            let sigma_a = Pigment::Color(linear).sigma_a();
+            layer.set(point, sigma_a.map(|s| s.sqrt() as f32), 1.0);
+        }
+        Some(paint)
+    }
+
+    pub fn points(&self) -> usize {
+        self.points
+    }
+
+    pub fn layers(&self) -> &[Layer] {
+        &self.layers
+    }
+
+    pub fn layer(&self, channel: Channel) -> Option<&Layer> {
+        self.layers.iter().find(|layer| layer.channel == channel)
+    }
+
+    /// The channel's layer, added where it is not there.
+    pub fn layer_mut(&mut self, channel: Channel) -> &mut Layer {
+        let at = self.layers.partition_point(|layer| layer.channel < channel);
+        if self.layers.get(at).is_none_or(|layer| layer.channel != channel) {
+            self.layers.insert(at, Layer::new(channel, self.points));
+        }
+        &mut self.layers[at]
+    }
+}
+
+/// √σ_a, β_R, α_R in degrees, η, eccentricity.
+pub type Numbers = [f32; 7];
+
+/// The fibre at a strand point: [`Numbers`] as shaders/fibre.wgsl unpacks them, and a place that is free.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct PointFibre([f16; 8]);
+
+impl PointFibre {
+    fn values(self) -> [f64; 8] {
+        self.0.map(f16::to_f64)
+    }
+
+    /// Between two points, `f` of the way.
+    pub fn mix(self, other: Self, f: f32) -> Self {
+        let (a, b) = (self.values(), other.values());
+        Self(std::array::from_fn(|k| f16::from_f64(a[k] + f64::from(f) * (b[k] - a[k]))))
+    }
+
+    pub fn to_f32(self) -> Numbers {
+        std::array::from_fn(|k| self.0[k].to_f32())
+    }
+
+    /// The inverse of [`Self::to_f32`].
+    pub fn from_f32(values: Numbers) -> Self {
+        Self(std::array::from_fn(|k| f16::from_f32(values.get(k).copied().unwrap_or(0.0))))
+    }
+}
+
+/// The scene's fibre, and what is painted over it.
+#[derive(Clone, Debug)]
+pub struct Fibres {
+    base: Fibre,
+    /// Whether β_TT, β_TRT, α_TT and α_TRT follow R's.
+    links: [bool; 4],
+    points: Vec<PointFibre>,
+}
+
+impl Fibres {
+    /// One fibre for the whole groom.
+    pub fn even(base: &Fibre) -> Self {
+        Self { base: *base, links: [true; 4], points: Vec::new() }
+    }
+
+    /// The scene's fibre under paint, if there is any.
+    pub fn new(spec: &FibreSpec, paint: Option<&Paint>) -> Self {
+        let mut fibres = Self { links: spec.links(), ..Self::even(&spec.resolve()) };
+        if let Some(paint) = paint.filter(|paint| !paint.layers.is_empty()) {
+            fibres.repaint(paint, []);
+        }
+        fibres
+    }
+
+    /// Makes some points anew after they were painted; every point where nothing had been painted before.
+    pub fn repaint(&mut self, paint: &Paint, points: impl IntoIterator<Item = usize>) {
+        let bare = self.bare();
+        if self.points.is_empty() {
+            self.points =
+                (0..paint.points).into_par_iter().map(|i| under_paint(bare, paint, i)).collect();
+            return;
+        }
+        for point in points {
+            self.points[point] = under_paint(bare, paint, point);
+        }
+    }
+
+    /// The scene's own.
+    pub fn base(&self) -> &Fibre {
+        &self.base
+    }
+
+    /// One a point; empty where nothing is painted.
+    pub fn points(&self) -> &[PointFibre] {
+        &self.points
+    }
+
+    pub fn painted(&self) -> bool {
+        !self.points.is_empty()
+    }
+
+    /// Bits for the shader: what follows R's β and α.
+    pub fn linked(&self) -> u32 {
+        (0..).zip(self.links).map(|(bit, linked)| u32::from(linked) << bit).sum()
+    }
+
+    /// What `point` says, on the scene's own fibre.
+    pub fn fibre(&self, point: PointFibre) -> Fibre {
+        let [r, g, b, beta_r, alpha_r, eta, eccentricity, _] = point.values();
+        let [least, most] = BETA_DEG;
+        let beta = linked_beta(beta_r).map(|beta| beta.clamp(least, most).to_radians());
+        let alpha = linked_alpha(alpha_r).map(f64::to_radians);
+        let Self { base, links: [beta_tt, beta_trt, alpha_tt, alpha_trt], .. } = *self;
+        let either = |follows: [bool; 3], linked: [f64; 3], own: [f64; 3]| {
+            std::array::from_fn(|t| if follows[t] { linked[t] } else { own[t] })
+        };
+        Fibre {
+            sigma_a: [r, g, b].map(|root| root * root),
+            eta,
+            eccentricity,
+            alpha: either([true, alpha_tt, alpha_trt], alpha, base.alpha),
+            beta: either([true, beta_tt, beta_trt], beta, base.beta),
+            ..base
+        }
+    }
+
+    /// Least and greatest η* (Xu 2011, Eq 24) of all fibres, their own η included.
+    pub fn eta_range(&self) -> [f64; 2] {
+        let of = |eta: f64, eccentricity: f64| {
+            let (mean, half) = eccentric_eta(eta, eccentricity);
+            [eta.min(mean - half.abs()), eta.max(mean + half.abs())]
+        };
+        let own = of(self.base.eta, self.base.eccentricity);
+        self.points.iter().fold(own, |[low, high], point| {
+            let [_, _, _, _, _, eta, eccentricity, _] = point.values();
+            let [l, h] = of(eta, eccentricity);
+            [low.min(l), high.max(h)]
+        })
+    }
+
+    /// Fibres that stand for all, each as often as it is there: the scene's own, or those of some points.
+    pub fn sample(&self, most: usize) -> Vec<Fibre> {
+        if self.points.is_empty() {
+            return vec![self.base];
+        }
+        let step = self.points.len().div_ceil(most.max(1)).max(1);
+        self.points.iter().step_by(step).map(|&point| self.fibre(point)).collect()
+    }
+
+    fn bare(&self) -> [f32; 8] {
+        let Fibre { sigma_a: [r, g, b], eta, eccentricity, alpha, beta, .. } = self.base;
+        let [r, g, b] = [r, g, b].map(f64::sqrt);
+        let [beta_r, alpha_r] = [beta[0], alpha[0]].map(f64::to_degrees);
+        [r, g, b, beta_r, alpha_r, eta, eccentricity, 0.0].map(|v| v as f32)
+    }
+}
+
+fn under_paint(bare: [f32; 8], paint: &Paint, point: usize) -> PointFibre {
+    let mut values = bare;
+    for layer in &paint.layers {
+        let (value, weight) = layer.at(point);
+        let first = layer.channel.first();
+        for (k, value) in value.into_iter().take(layer.channel.width()).enumerate() {
+            values[first + k] += weight * (value - values[first + k]);
+        }
+    }
+    PointFibre(values.map(f16::from_f32))
+}
