@@ -36,7 +36,7 @@ fn hair_vertex(@builtin(vertex_index) index: u32) -> Vertex {
     let across = cross(along, view.eye - center);
     // Seen end on, a strand has no width to speak of; any side will do.
     let side = across / max(length(across), 1e-30);
-    let half_width = 0.5 * mix(a.w, b.w, s);
+    let half_width = 0.5 * view.widened * mix(a.w, b.w, s);
     let offset = select(-half_width, half_width, (vertex & 1u) == 1u);
     return Vertex(view.clip_from_pos * vec4f(center + offset * side, 1.0), first, vec2f(s, 0.0));
 }

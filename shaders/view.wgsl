@@ -14,7 +14,7 @@ struct View {
     share: f32,                 // 1 / passes
     size: vec2u,                // pixels
     grid: u32,                  // the visibility buffer has grid × grid texels a pixel
-    pad: u32,
+    widened: f32,               // strands are drawn so many times wider than they are
 }
 
 const ENVIRONMENT = 0u;

@@ -1,29 +1,26 @@
 //! Capture: a scene in, frames and figures out.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
-use glam::Vec3;
 
-use crate::field::{self, Field, Grid, Palette};
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
 use crate::image::write_frame;
+use crate::light::Medium;
 use crate::progress::{Clock, Reporting};
 use crate::quality::{self, Costs, Facts, Settings, TRIAL_LIGHTS};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{self, Lens, Scattering, Scene};
 use crate::srbf::{self, SrbfLight};
-use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, shaded_lights};
+use crate::stage::{Geometry, exposure_scale, load_map, shaded_lights};
 use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Quality, Stats,
     Timing, TransportFigures, Work,
 };
-use crate::transport::{Detail, Occluders, Transport, transport};
+use crate::transport::Detail;
 
 /// Pairs of a point and a light that `--verify` casts rays for.
 const VERIFIED_PAIRS: usize = 4096;
@@ -106,10 +103,13 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let lights = shaded_lights(&fit.lights, scene);
     let detail = Detail { cells: settings.cells, multiple: parts.multiple() };
     renderer.negligible = settings.negligible;
-    let lit = bring_lights(&stage, lights, &points, &detail, &clock)?;
+    let medium = Medium::new(&stage, &detail);
+    let lit = clock
+        .watch("light transport", |progress| medium.bring(&stage, lights, &points, progress))?;
     let (lights, transport) = (&lit.lights, &lit.transport);
     clock.step("transport")?;
-    let field = lit.field(&method, &clock)?;
+    let field =
+        clock.watch("scattered light", |progress| lit.field(&stage, &medium, &method, progress))?;
     lit.show(&mut renderer, &method, field.as_ref());
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
@@ -228,76 +228,6 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     stats.write(path)
 }
 
-/// Lights, and what is known of their way through hair, whatever its colour.
-#[derive(Clone)]
-pub struct LitHair<'a> {
-    stage: &'a Geometry,
-    pub lights: Vec<SrbfLight>,
-    pub points: Vec<u32>,
-    pub transport: Transport,
-    /// None without multiple scattering.
-    grid: Option<Arc<Grid>>,
-}
-
-/// Brings lights (`stage::shaded_lights`) to the strand points `points`, to the grid of multiple scattering and to
-/// the head.
-pub fn bring_lights<'a>(
-    stage: &'a Geometry,
-    lights: Vec<SrbfLight>,
-    points: &[u32],
-    detail: &Detail,
-    clock: &Clock,
-) -> Result<LitHair<'a>> {
-    let volume = stage.density(detail.cells);
-    let occluders = Occluders { volume: &volume, head: stage.head.as_ref() };
-    let grid = detail.multiple.then(|| Arc::new(Grid::new(stage, &occluders, field::CELLS)));
-    let samples = grid.as_ref().map_or(&[][..], |grid| &grid.samples);
-    let places: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
-    let transport = clock.watch("light transport", |progress| {
-        let done = AtomicUsize::new(0);
-        transport(&occluders, &lights, &places, samples, detail.multiple, &|| {
-            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
-        })
-    });
-    let Some(transport) = transport else { bail!("cancelled") };
-    Ok(LitHair { stage, lights, points: points.to_vec(), transport, grid })
-}
-
-impl LitHair<'_> {
-    /// What strands of a method's fibre make of each other's light; None where the method has another way.
-    pub fn field(&self, method: &MethodData, clock: &Clock) -> Result<Option<Field>> {
-        let Some((twin, grid)) = method.twin().zip(self.grid.as_ref()) else { return Ok(None) };
-        let palette = Palette::new(grid, self.stage, &twin);
-        let head = self.stage.head.as_ref().map_or(&[][..], |head| &head.positions);
-        let field = clock.watch("scattered light", |progress| {
-            field::solve(grid, &self.lights, &self.transport, head, &palette, &twin, progress)
-        });
-        if field.is_none() {
-            bail!("cancelled");
-        }
-        Ok(field)
-    }
-
-    /// The same with another reach at its points.
-    pub fn with_reach(&self, reach: Vec<Vec<u32>>) -> Self {
-        let transport = Transport { reach, ..self.transport.clone() };
-        Self { transport, ..self.clone() }
-    }
-
-    /// Sets a method, these lights, and a field of theirs.
-    pub fn show(&self, renderer: &mut Renderer, method: &MethodData, field: Option<&Field>) {
-        renderer.set_method(method);
-        renderer.set_lights(&self.lights, &self.points, &self.transport);
-        let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
-        let irradiance = &self.transport.head_irradiance;
-        let head: Vec<Vec3> = irradiance.iter().map(|e| *e * to_radiance).collect();
-        renderer.set_head_radiance(&head);
-        if let Some(field) = field {
-            renderer.set_field(field);
-        }
-    }
-}
-
 /// The files to write, checked before any work is done.
 struct Outputs {
     frames: Vec<PathBuf>,
@@ -337,7 +267,8 @@ fn numbered(path: &Path, index: u32, count: u32) -> PathBuf {
     path.with_file_name(format!("{stem}.{index:0digits$}.{extension}"))
 }
 
-fn background(scene: &Scene) -> Background {
+/// What stands behind the hair.
+pub(crate) fn background(scene: &Scene) -> Background {
     match scene.output.background {
         scene::Background::Environment => Background::Environment,
         scene::Background::Transparent => Background::Transparent,
@@ -345,7 +276,8 @@ fn background(scene: &Scene) -> Background {
     }
 }
 
-fn parts(scattering: Scattering) -> Parts {
+/// Which parts of the scattering are asked for.
+pub(crate) fn parts(scattering: Scattering) -> Parts {
     let is = |parts: &[Scattering]| parts.contains(&scattering);
     Parts {
         single: is(&[Scattering::Both, Scattering::Single]),

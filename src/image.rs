@@ -88,6 +88,11 @@ pub fn write_frame(path: &Path, frame: &Frame, scale: f32) -> Result<()> {
     }
 }
 
+/// Premultiplied linear pixels as sRGB with straight alpha, tone mapped after multiplying by `scale`.
+pub fn display_bytes(pixels: &[[f32; 4]], scale: f32) -> Vec<u8> {
+    pixels.par_iter().flat_map_iter(|&p| display(p, scale)).collect()
+}
+
 /// Writes premultiplied linear pixels as a PNG, tone mapped after multiplying by `scale`.
 pub fn write_display(
     path: &Path,
@@ -95,8 +100,7 @@ pub fn write_display(
     pixels: &[[f32; 4]],
     scale: f32,
 ) -> Result<()> {
-    let bytes: Vec<u8> = pixels.par_iter().flat_map_iter(|&p| display(p, scale)).collect();
-    write_png(path, &bytes, width, height, image::ExtendedColorType::Rgba8)
+    write_png(path, &display_bytes(pixels, scale), width, height, image::ExtendedColorType::Rgba8)
 }
 
 /// Writes planes of f32 under their names, and text attributes, as an EXR file.
@@ -128,6 +132,11 @@ pub fn write_exr(
 }
 
 /// Writes sRGB bytes as a PNG.
+pub fn write_png_rgba(path: &Path, [width, height]: [u32; 2], rgba: &[u8]) -> Result<()> {
+    write_png(path, rgba, width, height, image::ExtendedColorType::Rgba8)
+}
+
+/// Writes a picture in sRGB.
 pub fn write_png_rgb(path: &Path, picture: &image::RgbImage) -> Result<()> {
     let (width, height) = picture.dimensions();
     write_png(path, picture.as_raw(), width, height, image::ExtendedColorType::Rgb8)

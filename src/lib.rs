@@ -5,6 +5,7 @@
 
 pub mod capture;
 pub mod cli;
+pub mod editor;
 pub mod environment;
 pub mod field;
 pub mod file;
@@ -12,6 +13,8 @@ pub mod gpu;
 pub mod hair;
 pub mod head;
 pub mod image;
+pub mod light;
+pub mod live;
 pub mod measure;
 pub mod paint;
 pub mod probe;

@@ -66,22 +66,24 @@ impl Geometry {
         Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes }
     }
 
-    /// The scene's fibre at each point, with what is painted over it.
+    /// What the scene names to be painted on the hair.
     ///
     /// # Errors
     /// One line that names the paint: it is of other hair, or cannot be read, or the groom's file has no colours.
-    pub fn fibres(&self, scene: &Scene) -> Result<Fibres> {
-        let paint = match scene.hair.paint.as_deref() {
+    pub fn paint(&self, scene: &Scene) -> Result<Option<Paint>> {
+        Ok(match scene.hair.paint.as_deref() {
             None => None,
             Some("colors") => Some(Paint::of_colors(&self.hair).with_context(|| {
-                format!(
-                    "{}: has no colours of its points: leave out --paint colors",
-                    scene.hair.source
-                )
+                let source = &scene.hair.source;
+                format!("{source}: has no colours of its points: leave out --paint colors")
             })?),
             Some(path) => Some(Paint::read(Path::new(path), &self.hair)?),
-        };
-        Ok(Fibres::new(&scene.fibre, paint.as_ref()))
+        })
+    }
+
+    /// The scene's fibre at each point, with what is painted over it; errors are those of [`Self::paint`].
+    pub fn fibres(&self, scene: &Scene) -> Result<Fibres> {
+        Ok(Fibres::new(&scene.fibre, self.paint(scene)?.as_ref()))
     }
 
     /// The scene's camera, in the world.

@@ -1,13 +1,11 @@
 //! Light that strands have scattered: the field against what must come out, and against path tracing.
 
 use std::process::Command;
-use std::sync::atomic::AtomicBool;
 
 use glam::{DVec3, Vec3};
-use hairlight::capture::bring_lights;
 use hairlight::gpu::method::MethodData;
+use hairlight::light::Medium;
 use hairlight::measure::read::Picture;
-use hairlight::progress::{Clock, Reporting};
 use hairlight::scattering::model::Model;
 use hairlight::scene::Scene;
 use hairlight::srbf::{ORDINATES, SrbfLight, split_wide};
@@ -16,8 +14,6 @@ use hairlight::transport::Detail;
 use tempfile::tempdir;
 
 use crate::frames::{captured, write_hair, write_unit_map};
-
-static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// The mean over hair of the light along all ordinates under even light of 1, met by a strand or not.
 fn furnace(model: Model, sigma_a: f64) -> f64 {
@@ -30,12 +26,12 @@ fn furnace(model: Model, sigma_a: f64) -> f64 {
     let even = SrbfLight { direction: DVec3::Y, lambda: 1e4, rgb: [1.0; 3] };
     let lights = split_wide(&[even]);
     assert_eq!(lights.len(), ORDINATES);
-    let clock = Clock::new(Reporting { quiet: true, cancelled: &NEVER });
     // Every thousandth point stands for the hair.
     let points: Vec<u32> = (0..stage.hair.points.len() as u32).step_by(1000).collect();
-    let lit = bring_lights(&stage, lights.clone(), &points, &Detail::USUAL, &clock).unwrap();
+    let medium = Medium::new(&stage, &Detail::USUAL);
+    let lit = medium.bring(&stage, lights.clone(), &points, &|_| true).unwrap();
     let method = MethodData::fast(&fibre, model, model.nodes());
-    let field = lit.field(&method, &clock).unwrap().expect("a field");
+    let field = lit.field(&stage, &medium, &method, &|_| true).unwrap().expect("a field");
     let [nx, ny, nz] = field.dims;
     let mut sum = 0.0;
     for (k, &point) in points.iter().enumerate() {

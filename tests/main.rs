@@ -4,6 +4,7 @@ mod azimuth_table;
 mod bench;
 mod chi_square;
 mod cli;
+mod editor;
 mod environment;
 mod fast;
 mod field;

@@ -306,18 +306,16 @@ fn a_painted_frame_is_as_near_to_its_truth_as_an_even_one() {
 fn by_hand_cost_of_paint() {
     use std::time::Instant;
 
-    use hairlight::capture::bring_lights;
     use hairlight::gpu::frame::{Background, Parts, Renderer};
-    use hairlight::progress::{Clock, Reporting};
+    use hairlight::light::Medium;
     use hairlight::stage::shaded_lights;
     use hairlight::transport::Detail;
 
-    static NEVER: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
-    let clock = Clock::new(Reporting { quiet: true, cancelled: &NEVER });
     let mut scene = Scene::default();
     scene.output.size = [360, 240];
     let stage = Geometry::load(&scene).unwrap();
     let lens = stage.camera(&scene).unwrap().lens(stage.center, scene.output.size);
+    let medium = Medium::new(&stage, &Detail::USUAL);
     let map = hairlight::environment::load("builtin:studio").unwrap().environment;
     let fit = hairlight::srbf::fit_cached(&map, 40, &|_| true).unwrap();
     let lights = shaded_lights(&fit.lights, &scene);
@@ -360,9 +358,9 @@ fn by_hand_cost_of_paint() {
         let tables_ms = 1e3 * begun.elapsed().as_secs_f64();
         let mut renderer = Renderer::new(gpu(), &method, &stage).unwrap();
         let points = renderer.visible_points(&[lens], stage.pieces(&lens), 16).unwrap();
-        let lit = bring_lights(&stage, lights.clone(), &points, &Detail::USUAL, &clock).unwrap();
+        let lit = medium.bring(&stage, lights.clone(), &points, &|_| true).unwrap();
         let begun = Instant::now();
-        let field = lit.field(&method, &clock).unwrap();
+        let field = lit.field(&stage, &medium, &method, &|_| true).unwrap();
         let field_ms = 1e3 * begun.elapsed().as_secs_f64();
         lit.show(&mut renderer, &method, field.as_ref());
         let mut best = f64::INFINITY;

@@ -393,7 +393,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             share,
             size,
             grid,
-            pad
+            widened
         ]
     );
     let shade = || shaders::shade(Integrator::Fast(Model::Marschner));

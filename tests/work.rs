@@ -1,12 +1,9 @@
 //! What a scene lacks costs nothing, and leaving it out changes nothing.
 
-use std::sync::atomic::AtomicBool;
-
-use hairlight::capture::{LitHair, bring_lights};
 use hairlight::environment;
 use hairlight::gpu::frame::{Background, NEGLIGIBLE, Parts, Renderer};
 use hairlight::gpu::method::MethodData;
-use hairlight::progress::{Clock, Reporting};
+use hairlight::light::{LitHair, Medium};
 use hairlight::scattering::model::Model;
 use hairlight::scene::{FibreSpec, Lens, PRESETS, Scene};
 use hairlight::srbf::{self, SrbfLight};
@@ -84,14 +81,13 @@ fn counts_fall_with_each_feature_that_a_scene_lacks_and_repeat_exactly() {
 /// A small scene on the GPU.
 struct Shot {
     stage: Geometry,
+    medium: Medium,
     lens: Lens,
     points: Vec<u32>,
-    clock: Clock,
 }
 
 impl Shot {
     fn new() -> (Shot, Renderer) {
-        static NEVER: AtomicBool = AtomicBool::new(false);
         let mut scene = Scene::default();
         scene.hair.strands = 6000;
         scene.output.size = [96, 72];
@@ -100,13 +96,13 @@ impl Shot {
         let method = MethodData::fast(&FibreSpec::default().resolve(), Model::Marschner, 2);
         let mut renderer = Renderer::new(cpu(), &method, &stage).unwrap();
         let points = renderer.visible_points(&[lens], stage.pieces(&lens), 4).unwrap();
-        let clock = Clock::new(Reporting { quiet: true, cancelled: &NEVER });
-        (Shot { stage, lens, points, clock }, renderer)
+        let medium = Medium::new(&stage, &Detail::USUAL);
+        (Shot { stage, medium, lens, points }, renderer)
     }
 
-    fn light(&self, lights: &[SrbfLight]) -> LitHair<'_> {
+    fn light(&self, lights: &[SrbfLight]) -> LitHair {
         let lights = lights.to_vec();
-        bring_lights(&self.stage, lights, &self.points, &Detail::USUAL, &self.clock).unwrap()
+        self.medium.bring(&self.stage, lights, &self.points, &|_| true).unwrap()
     }
 
     fn pixels(&self, renderer: &mut Renderer, parts: Parts) -> Vec<[f32; 4]> {
@@ -146,7 +142,7 @@ fn a_specialised_pipeline_shows_what_the_general_one_shows() {
     // Light from behind too: TT is there what black hair has most of.
     let lit = shot.light(&fitted("sunset", 6));
     let mut pixels = |data: &MethodData, parts| {
-        let field = lit.field(data, &shot.clock).unwrap();
+        let field = lit.field(&shot.stage, &shot.medium, data, &|_| true).unwrap();
         lit.show(&mut renderer, data, field.as_ref());
         shot.pixels(&mut renderer, parts)
     };
@@ -179,7 +175,7 @@ fn lights_that_cannot_matter_are_left_out_unseen() {
         let lights = fitted(map, 24);
         let data = MethodData::fast(&fibre(preset, 1.0).resolve(), Model::Marschner, 2);
         let lit = shot.light(&lights);
-        let field = lit.field(&data, &shot.clock).unwrap();
+        let field = lit.field(&shot.stage, &shot.medium, &data, &|_| true).unwrap();
         let mut taken = |negligible: f64| {
             renderer.negligible = negligible;
             lit.show(&mut renderer, &data, field.as_ref());

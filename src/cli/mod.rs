@@ -13,6 +13,7 @@ mod fit;
 mod info;
 mod probe;
 mod reference;
+mod view;
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -40,7 +41,8 @@ struct Subcommand {
     run: fn(&mut Command, &ArgMatches) -> Result<()>,
 }
 
-const SUBCOMMANDS: [Subcommand; 8] = [
+const SUBCOMMANDS: [Subcommand; 9] = [
+    Subcommand { command: view::command, run: view::run },
     Subcommand { command: capture::command, run: capture::run },
     Subcommand { command: reference::command, run: reference::run },
     Subcommand { command: compare::command, run: compare::run },

@@ -98,6 +98,17 @@ impl Grid {
     }
 }
 
+impl Grid {
+    /// [`Self::means`] in all cells, None where there is no hair.
+    pub fn spread(&self, of_samples: &[f32]) -> Vec<Option<f32>> {
+        let mut cells = vec![None; self.head.len()];
+        for (&cell, mean) in self.hairy.iter().zip(self.means(of_samples)) {
+            cells[cell as usize] = Some(mean);
+        }
+        cells
+    }
+}
+
 fn add(
     heaps: &mut [Heap],
     volume: &Volume,

@@ -7,7 +7,7 @@ use anyhow::{Result, ensure};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use wgpu::util::DeviceExt as _;
 
-use super::method::MethodData;
+use super::method::{Integrator, MethodData};
 use super::resources::*;
 use super::timer::PassTimer;
 use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform};
@@ -72,6 +72,14 @@ struct Shading {
     scattering: wgpu::BindGroup,
 }
 
+/// What a shading pipeline is compiled from.
+#[derive(PartialEq)]
+struct PipelineKind {
+    integrator: Integrator,
+    exact: bool,
+    constants: Vec<(&'static str, f64)>,
+}
+
 /// A frame in linear radiance.
 pub struct Frame {
     pub size: [u32; 2],
@@ -122,6 +130,9 @@ pub struct Renderer {
     center: Vec3,
     /// First point of every segment.
     every_segment: Vec<u32>,
+    /// Strand of every point; of so many strands one is drawn, as much wider.
+    strand_of: Vec<u32>,
+    thinning: u32,
     /// Those that are drawn, and their number.
     segment_count: u32,
     strand_points: wgpu::Buffer,
@@ -133,6 +144,8 @@ pub struct Renderer {
     head_radiance: wgpu::Buffer,
     /// [`NEGLIGIBLE`], or 0 to leave nothing out; for the lights that are set from now on.
     pub negligible: f64,
+    /// Lights that a submission sums at most; for the reach that is set from now on.
+    pub lights_a_group: usize,
     lights: wgpu::Buffer,
     groups: Vec<LightGroup>,
     /// Place of each point's reach, or [`NO_SLOT`].
@@ -154,6 +167,7 @@ pub struct Renderer {
     mark_pipeline: wgpu::ComputePipeline,
     plan_pipeline: wgpu::ComputePipeline,
     end_pipeline: wgpu::ComputePipeline,
+    pipelines: Vec<(PipelineKind, wgpu::ComputePipeline)>,
     /// Made when first asked for.
     shading: Vec<Shading>,
     resolve_pipeline: wgpu::ComputePipeline,
@@ -183,6 +197,10 @@ impl Renderer {
             .strands()
             .flat_map(|r| r.start as u32..r.end.max(r.start + 1) as u32 - 1)
             .collect();
+        let strands = (0..).zip(hair.strands());
+        let strand_of = strands
+            .flat_map(|(strand, points)| std::iter::repeat_n(strand, points.len()))
+            .collect();
         let device = &gpu.device;
         let strand_points = storage(device, "strand points", bytemuck::cast_slice(&data));
         let segment_buffer = storage(device, "segments", bytemuck::cast_slice(&segments));
@@ -204,6 +222,7 @@ impl Renderer {
             center,
             segment_count: segments.len() as u32,
             every_segment: segments,
+            strand_of,
             strand_points,
             segments: segment_buffer,
             indices,
@@ -212,6 +231,8 @@ impl Renderer {
             head_corner_count: corners.len() as u32,
             head_radiance,
             negligible: NEGLIGIBLE,
+            lights_a_group: usize::MAX,
+            thinning: 1,
             lights: storage(device, "lights", &[]),
             groups: Vec::new(),
             slots: storage(device, "slots", &[]),
@@ -230,6 +251,7 @@ impl Renderer {
             mark_pipeline: compute_pipeline(device, &mark, "mark", &[]),
             plan_pipeline: compute_pipeline(device, &mark, "plan_shading", &[]),
             end_pipeline: compute_pipeline(device, &mark, "end_shading", &[]),
+            pipelines: Vec::new(),
             shading: Vec::new(),
             resolve_pipeline: compute_pipeline(
                 device,
@@ -242,10 +264,17 @@ impl Renderer {
         })
     }
 
+    /// Of so many strands one is drawn from now on, as many times wider: frames in a hurry. Points are to be found and
+    /// lights set anew.
+    pub fn set_thinning(&mut self, strands: u32) {
+        self.thinning = strands.max(1);
+    }
+
     /// Draws only the segments that `keep` holds for, each in `pieces` straight pieces.
     fn draw_segments(&mut self, pieces: u32, keep: impl Fn(usize) -> bool) {
+        let there = |first: usize| self.strand_of[first] % self.thinning == 0 && keep(first);
         let drawn: Vec<u32> =
-            self.every_segment.iter().copied().filter(|&first| keep(first as usize)).collect();
+            self.every_segment.iter().copied().filter(|&first| there(first as usize)).collect();
         let device = &self.gpu.device;
         self.segments = storage(device, "segments", bytemuck::cast_slice(&drawn));
         self.segment_count = drawn.len() as u32;
@@ -299,25 +328,29 @@ impl Renderer {
                 pad: [0.0; 3],
             })
             .collect();
+        self.lights = storage(&self.gpu.device, "lights", bytemuck::cast_slice(&entries));
+        self.light_count = lights.len() as u32;
+        self.field = None;
+        self.set_reach(points, &transport.reach);
+    }
+
+    /// Sets the reach of the lights that are set at other points; see [`Self::set_lights`].
+    pub fn set_reach(&mut self, points: &[u32], reach: &[Vec<u32>]) {
         let device = &self.gpu.device;
-        self.lights = storage(device, "lights", bytemuck::cast_slice(&entries));
         let mut slots = vec![NO_SLOT; self.points as usize];
         for (slot, &point) in points.iter().enumerate() {
             slots[point as usize] = slot as u32;
         }
         self.slots = storage(device, "slots", bytemuck::cast_slice(&slots));
         self.slot_count = points.len() as u32;
-        self.light_count = lights.len() as u32;
-        self.field = None;
         self.draw_segments(self.indices.pieces, |first| {
             slots[first] != NO_SLOT && slots[first + 1] != NO_SLOT
         });
         let device = &self.gpu.device;
         let limit = device.limits().max_storage_buffer_binding_size;
         let per_group = (limit / (4 * points.len().max(1) as u64)).max(1) as usize;
-        let per_group = per_group.min(self.method.lights_a_pass());
-        self.groups = transport
-            .reach
+        let per_group = per_group.min(self.method.lights_a_pass()).min(self.lights_a_group.max(1));
+        self.groups = reach
             .chunks(per_group)
             .enumerate()
             .map(|(group, chunk)| LightGroup {
@@ -356,12 +389,8 @@ impl Renderer {
         let parts = if self.method.general { ALL_PARTS } else { parts.bits() };
         let there = self.shading.iter().position(|s| (s.parts, s.count) == (parts, count));
         there.unwrap_or_else(|| {
+            let pipeline = self.shading_pipeline(parts, count);
             let (device, method) = (&self.gpu.device, &self.method);
-            let source = method.specialised(shaders::shade(method.integrator));
-            let mut constants = method.constants();
-            constants.extend([("PARTS", f64::from(parts)), ("COUNT", f64::from(count))]);
-            let module = module(device, "shade", &source);
-            let pipeline = compute_pipeline(device, &module, "shade", &constants);
             let fibre = uniform_buffer(device, "fibre", bytemuck::bytes_of(&method.fibre));
             let [a, b] = method.tables.each_ref().map(|table| storage(device, "table", table));
             let layout = pipeline.get_bind_group_layout(0);
@@ -369,6 +398,24 @@ impl Renderer {
             self.shading.push(Shading { parts, count, pipeline, scattering });
             self.shading.len() - 1
         })
+    }
+
+    /// Compiled once for all methods that are alike in what they compile to.
+    fn shading_pipeline(&mut self, parts: u32, count: bool) -> wgpu::ComputePipeline {
+        let method = &self.method;
+        let mut constants = method.constants();
+        constants.extend([("PARTS", f64::from(parts)), ("COUNT", f64::from(count))]);
+        let kind =
+            PipelineKind { integrator: method.integrator, exact: method.exact_single, constants };
+        if let Some((_, pipeline)) = self.pipelines.iter().find(|(known, _)| *known == kind) {
+            return pipeline.clone();
+        }
+        let source = method.specialised(shaders::shade(method.integrator));
+        let device = &self.gpu.device;
+        let module = module(device, "shade", &source);
+        let pipeline = compute_pipeline(device, &module, "shade", &kind.constants);
+        self.pipelines.push((kind, pipeline.clone()));
+        pipeline
     }
 
     /// Sets the radiance of the head's vertices.
@@ -410,6 +457,20 @@ impl Renderer {
         background: Background,
         parts: Parts,
     ) -> Result<Frame> {
+        let frame = self.render_while(lens, samples, background, parts, None)?;
+        frame.ok_or_else(|| unreachable!("nothing stops it"))
+    }
+
+    /// [`Self::render`] while `go_on` says so, asked between submissions of [`Self::lights_a_group`] lights; None
+    /// where it was given up.
+    pub fn render_while(
+        &mut self,
+        lens: &Lens,
+        samples: u32,
+        background: Background,
+        parts: Parts,
+        go_on: Option<&dyn Fn() -> bool>,
+    ) -> Result<Option<Frame>> {
         let size = lens.size;
         let (work, sampling) = self.begin(size, samples)?;
         let mark = self.mark_groups(&work);
@@ -422,7 +483,17 @@ impl Renderer {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
             let view = self.view(lens, background, sampling, pass);
             self.find(&mut encoder, &mut timer, &work, &mark, &view);
-            self.shading[shading].run(&mut encoder, &mut timer, &shade, &work);
+            for group in shade.chunks(if go_on.is_some() { 1 } else { shade.len().max(1) }) {
+                if let Some(go_on) = go_on {
+                    self.gpu.queue.submit([encoder.finish()]);
+                    self.gpu.wait()?;
+                    if !go_on() {
+                        return Ok(None);
+                    }
+                    encoder = self.gpu.device.create_command_encoder(&Default::default());
+                }
+                self.shading[shading].run(&mut encoder, &mut timer, group, &work);
+            }
             {
                 let resolve = self.bind_at(
                     &self.resolve_pipeline,
@@ -459,7 +530,8 @@ impl Renderer {
         let pixels = self.gpu.read(&work.sum)?;
         let hair_coverage = self.gpu.read(&work.hair_sum)?;
         let shaded = work.listed(&self.gpu)?;
-        Ok(Frame { size, pixels, hair_coverage, shaded, passes: timer.read(&self.gpu)? })
+        let passes = timer.read(&self.gpu)?;
+        Ok(Some(Frame { size, pixels, hair_coverage, shaded, passes }))
     }
 
     /// Shades a frame once more to count what that takes; see [`Self::render`].
@@ -699,7 +771,7 @@ impl Renderer {
             share: 1.0 / sampling.passes as f32,
             size,
             grid: sampling.grid,
-            pad: 0,
+            widened: self.thinning as f32,
         };
         uniform_buffer(&self.gpu.device, "view", bytemuck::bytes_of(&uniform))
     }

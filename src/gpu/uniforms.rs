@@ -71,7 +71,7 @@ pub struct ViewUniform {
     pub share: f32,
     pub size: [u32; 2],
     pub grid: u32,
-    pub pad: u32,
+    pub widened: f32,
 }
 
 /// `Light` of shaders/shade.wgsl.

@@ -98,6 +98,25 @@ impl Layer {
         (value, texel[width].to_f32())
     }
 
+    /// Value and weight of a point as they are kept.
+    pub fn texel(&self, point: usize) -> [f16; 4] {
+        let width = self.channel.width();
+        let texel = &self.texels[point * (width + 1)..][..=width];
+        std::array::from_fn(|k| match k {
+            3 => texel[width],
+            k if k < width => texel[k],
+            _ => f16::ZERO,
+        })
+    }
+
+    /// The inverse of [`Self::texel`].
+    pub fn set_texel(&mut self, point: usize, kept: [f16; 4]) {
+        let width = self.channel.width();
+        let texel = &mut self.texels[point * (width + 1)..][..=width];
+        texel[..width].copy_from_slice(&kept[..width]);
+        texel[width] = kept[3];
+    }
+
     /// Sets value (held within the channel's range) and weight (within 0 … 1) at a point.
     pub fn set(&mut self, point: usize, value: [f32; 3], weight: f32) {
         let width = self.channel.width();
@@ -140,6 +159,14 @@ impl Paint {
 
     pub fn points(&self) -> usize {
         self.points
+    }
+
+    /// Lets go of layers that cover no point.
+    pub fn forget_bare(&mut self) {
+        self.layers.retain(|layer| {
+            let row = layer.channel.width() + 1;
+            layer.texels.chunks_exact(row).any(|texel| texel[row - 1] != f16::ZERO)
+        });
     }
 
     pub fn layers(&self) -> &[Layer] {

@@ -108,6 +108,12 @@ impl Field {
         (self.get)(scene)
     }
 
+    /// Sets the value in `scene`. The error is one line that names key and range, and nothing is set.
+    pub fn put(&self, scene: &mut Scene, value: Value) -> Result<(), String> {
+        (self.set)(scene, self.check(value)?);
+        Ok(())
+    }
+
     /// Reads what a user types for this field: a number, a word, `1,2,3`, `[1, 2, 3]`, `720x480`,
     /// `#rrggbb`; quotes around text are taken off. The error is one line that names key and range.
     pub fn parse(&self, text: &str) -> Result<Value, String> {

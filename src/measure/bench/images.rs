@@ -17,12 +17,12 @@ use super::causes::{self, Causes, OfModel};
 use super::method::{Method, table_bytes};
 use super::statistics::Spread;
 use super::{Context, Effort, Groom};
-use crate::capture::{LitHair, bring_lights};
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
 use crate::gpu::method::Integrator;
+use crate::light::{LitHair, Medium};
 use crate::measure::compare::{Report, compare};
 use crate::measure::read::Picture;
 use crate::progress::Clock;
@@ -114,6 +114,7 @@ impl Image {
 /// A groom before its camera.
 pub(super) struct View<'a> {
     pub stage: &'a Geometry,
+    medium: Medium,
     pub lens: Lens,
     pub renderer: Renderer,
     /// Those that the frame needs.
@@ -194,9 +195,9 @@ pub(super) struct Lit<'a> {
     pub map: Light<'a>,
     /// The lights fitted to it, as the tracer takes them.
     pub fitted: Light<'static>,
-    pub hair: LitHair<'a>,
+    pub hair: LitHair,
     /// The same with reach by rays through the real strands.
-    pub exact: LitHair<'a>,
+    pub exact: LitHair,
 }
 
 pub(super) fn picture_of_film(film: &Film, name: &str) -> Picture {
@@ -250,6 +251,7 @@ pub fn measure(gpu: Gpu, groom: &Groom, context: &Context) -> Result<(Gpu, Vec<I
     let points = renderer.visible_points(&[lens], pieces, effort.samples)?;
     let Geometry { hair, diameters, frames, head, center, .. } = &stage;
     let mut view = View {
+        medium: Medium::new(&stage, &Detail::USUAL),
         stage: &stage,
         lens,
         renderer,
@@ -289,23 +291,26 @@ pub fn measure(gpu: Gpu, groom: &Groom, context: &Context) -> Result<(Gpu, Vec<I
 }
 
 /// Fits `count` lights to the map and brings them to the view's points.
-fn fit_lights<'a>(
-    view: &View<'a>,
+fn fit_lights(
+    view: &View,
     scene: &Scene,
     environment: &Environment,
     count: u32,
     clock: &Clock,
-) -> Result<(srbf::Fit, LitHair<'a>)> {
+) -> Result<(srbf::Fit, LitHair)> {
     let fit = clock.watch("fitting lights", |progress| {
         srbf::fit_cached(environment, count as usize, progress)
     })?;
     let lights = shaded_lights(&fit.lights, scene);
-    Ok((fit, bring_lights(view.stage, lights, &view.points, &Detail::USUAL, clock)?))
+    let hair = clock.watch("light transport", |progress| {
+        view.medium.bring(view.stage, lights, &view.points, progress)
+    })?;
+    Ok((fit, hair))
 }
 
 /// Light from a map, as a frame, the tracer and rays through real strands have it.
 fn light<'a>(
-    view: &View<'a>,
+    view: &View,
     scene: &Scene,
     environment: &'a Environment,
     effort: &Effort,
@@ -384,7 +389,10 @@ fn picture(
     let mut of_integrators: Vec<(Integrator, Option<Field>)> = Vec::new();
     for data in &data {
         if of_integrators.iter().all(|(integrator, _)| *integrator != data.integrator) {
-            of_integrators.push((data.integrator, lit.hair.field(data, clock)?));
+            let field = clock.watch("scattered light", |progress| {
+                lit.hair.field(view.stage, &view.medium, data, progress)
+            })?;
+            of_integrators.push((data.integrator, field));
         }
     }
     let fields: Vec<Option<&Field>> = data
@@ -482,7 +490,9 @@ fn by_lights(
         let (fit, hair) = fit_lights(view, scene, environment, fitted, clock)?;
         for method in methods.iter().filter(|method| method.by_cause) {
             let data = method.data(&fibre.resolve(), tables);
-            let field = hair.field(&data, clock)?;
+            let field = clock.watch("scattered light", |progress| {
+                hair.field(view.stage, &view.medium, &data, progress)
+            })?;
             hair.show(&mut view.renderer, &data, field.as_ref());
             let mut times = Vec::new();
             let mut frame = view.render(ALL)?.0;

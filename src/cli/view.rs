@@ -1,0 +1,26 @@
+//! `hairlight view`.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::{Arg, ArgMatches, Command, value_parser};
+
+use crate::editor::{self, Document};
+use crate::scene::Scene;
+
+pub fn command() -> Command {
+    Command::new("view").about("Opens the editor: change and paint hair live").arg(
+        Arg::new("file")
+            .value_name("FILE")
+            .value_parser(value_parser!(PathBuf))
+            .help("A scene .toml, hair, head or map [default: the default scene]"),
+    )
+}
+
+pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
+    let document = match matches.get_one::<PathBuf>("file") {
+        Some(path) => Document::open(path)?,
+        None => Document::new(Scene::default(), None),
+    };
+    editor::run(document)
+}

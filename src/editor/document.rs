@@ -1,0 +1,144 @@
+//! A scene and its paint, as they are edited and as they are kept.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+
+use crate::file::write_whole;
+use crate::hair::Hair;
+use crate::live::same_paint;
+use crate::paint::Paint;
+use crate::scene::{HairSpec, Scene};
+
+/// What is being edited.
+#[derive(Clone, Default)]
+pub struct Document {
+    pub scene: Scene,
+    /// What was painted since the scene was opened, over what its file had; None while that holds.
+    pub paint: Option<Arc<Paint>>,
+    /// The scene file.
+    pub path: Option<PathBuf>,
+    saved: Option<(Scene, Option<Arc<Paint>>)>,
+    /// The hair that `paint` is on.
+    shape: HairSpec,
+    /// Paint of hair that is not shown: it comes back with its hair.
+    aside: Vec<(HairSpec, Arc<Paint>)>,
+}
+
+impl Document {
+    pub fn new(scene: Scene, path: Option<PathBuf>) -> Self {
+        let saved = Some((scene.clone(), None));
+        let shape = shape(&scene);
+        Self { scene, paint: None, path, saved, shape, aside: Vec::new() }
+    }
+
+    /// After the scene changed: paint goes and comes with the hair that it is on. Whether it did.
+    pub fn follow_hair(&mut self) -> bool {
+        let new = shape(&self.scene);
+        if new == self.shape {
+            return false;
+        }
+        let old = std::mem::replace(&mut self.shape, new);
+        let had = self.paint.take();
+        let back = self.aside.iter().position(|(of, _)| *of == self.shape);
+        self.paint = back.map(|at| self.aside.remove(at).1);
+        let moved = had.is_some() || self.paint.is_some();
+        self.aside.extend(had.map(|paint| (old, paint)));
+        moved
+    }
+
+    /// A scene file, or the default scene with the hair, head or map that `path` is.
+    ///
+    /// # Errors
+    /// One line that names the file.
+    pub fn open(path: &Path) -> Result<Self> {
+        let mut scene = Scene::default();
+        if put_file(&mut scene, path)? {
+            return Ok(Self::new(scene, None));
+        }
+        Ok(Self::new(Scene::read(path)?, Some(path.to_owned())))
+    }
+
+    /// Whether there is something that the file does not have.
+    pub fn changed(&self) -> bool {
+        !self
+            .saved
+            .as_ref()
+            .is_some_and(|(scene, paint)| *scene == self.scene && same_paint(paint, &self.paint))
+    }
+
+    /// Writes the scene to `path`, and what is painted beside it, as `NAME.paint`.
+    ///
+    /// # Errors
+    /// One line that names the file; then nothing counts as saved.
+    pub fn save(&mut self, path: &Path, hair: Option<&Hair>) -> Result<()> {
+        let mut scene = self.scene.clone();
+        if let Some(paint) = &self.paint {
+            let hair = hair.context("the hair is still being loaded: save again in a moment")?;
+            let beside = path.with_extension("paint");
+            paint.write(&beside, hair)?;
+            scene.hair.paint = Some(beside.to_string_lossy().into_owned());
+        }
+        let text = portable(&scene, path)?.to_toml();
+        write_whole(path, |file| Ok(std::io::Write::write_all(file, text.as_bytes())?))?;
+        self.scene.hair.paint = scene.hair.paint;
+        self.path = Some(path.to_owned());
+        self.saved = Some((self.scene.clone(), self.paint.clone()));
+        Ok(())
+    }
+}
+
+/// Puts a hair, head or map file into a scene, judged by its name; false for any other.
+///
+/// # Errors
+/// One line, where it is not there.
+pub fn put_file(scene: &mut Scene, path: &Path) -> Result<bool> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    let name = path.to_string_lossy().into_owned();
+    let slot = match extension.as_str() {
+        "hair" | "tfx" => {
+            scene.hair.paint = None;
+            &mut scene.hair.source
+        }
+        "obj" => &mut scene.head.source,
+        "exr" | "hdr" => &mut scene.environment.source,
+        _ => return Ok(false),
+    };
+    if !path.is_file() {
+        bail!("{name}: cannot be read");
+    }
+    *slot = name;
+    Ok(true)
+}
+
+/// Paths of a scene file count from its own folder: those within it are written so, others whole.
+fn portable(scene: &Scene, path: &Path) -> Result<Scene> {
+    let absolute = |p: &Path| std::path::absolute(p).with_context(|| p.display().to_string());
+    let folder = absolute(path)?.parent().map(Path::to_owned).unwrap_or_default();
+    let mut scene = scene.clone();
+    let relate = |text: &mut String, words: &[&str]| -> Result<()> {
+        if !text.starts_with("builtin:") && !words.contains(&text.as_str()) {
+            let whole = absolute(Path::new(text.as_str()))?;
+            let within = whole.strip_prefix(&folder).map(Path::to_owned).unwrap_or(whole);
+            *text = within.to_string_lossy().into_owned();
+        }
+        Ok(())
+    };
+    relate(&mut scene.hair.source, &[])?;
+    relate(&mut scene.head.source, &["auto", "builtin", "none"])?;
+    relate(&mut scene.environment.source, &[])?;
+    relate(&mut scene.output.path, &[])?;
+    if let Some(paint) = &mut scene.hair.paint {
+        relate(paint, &["colors"])?;
+    }
+    if let Some(stats) = &mut scene.output.stats {
+        relate(stats, &[])?;
+    }
+    Ok(scene)
+}
+
+/// What hair a scene shows, whatever is painted on it.
+fn shape(scene: &Scene) -> HairSpec {
+    HairSpec { paint: None, ..scene.hair.clone() }
+}

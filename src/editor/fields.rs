@@ -1,0 +1,287 @@
+//! Widgets of the scene's table of fields: range, unit, words, help and default all come from there.
+
+use eframe::egui::{self, Color32, DragValue, Rgba, Slider, Ui};
+
+use crate::scene::{Alternative, FIELDS, Field, Kind, Pigment, Scene, Value};
+
+/// Shows a field with its name, and puts what the user makes of it into the scene. Fields that are stated another way
+/// now are not shown.
+pub fn field(ui: &mut Ui, key: &str, scene: &mut Scene) {
+    let Some(field) = FIELDS.iter().find(|field| field.key == key) else {
+        debug_assert!(false, "no field {key}");
+        return;
+    };
+    let Some(value) = field.get(scene) else { return };
+    let mut next = None;
+    ui.horizontal(|ui| {
+        let name = name(field);
+        let label = ui.label(&name).on_hover_text(help(field));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let default = field.get(&Scene::default());
+            if default.as_ref().is_some_and(|default| *default != value) {
+                let reset = ui.add(egui::Button::new("reset").small().frame(false));
+                name_it(&reset, &format!("Reset {name}"));
+                if reset.on_hover_text("Back to the default").clicked() {
+                    next = default;
+                }
+            }
+            let response = widget(ui, field, &value, &mut next);
+            response.labelled_by(label.id).on_hover_text(help(field));
+        });
+    });
+    if let Some(next) = next {
+        // Widgets keep to ranges; text that is no value yet is left where it is.
+        let _ = field.put(scene, next);
+    }
+}
+
+/// A name for those who do not see the sign on a widget.
+pub fn name_it(response: &egui::Response, name: &str) {
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, name));
+}
+
+fn name(field: &Field) -> String {
+    let name = field.name().trim_end_matches("_deg").replace('_', " ");
+    match field.key {
+        "fibre.eta" => "index of refraction".to_owned(),
+        "fibre.sigma_a" => "absorption".to_owned(),
+        "fibre.w_c" => "glint width".to_owned(),
+        "fibre.model" => "fibre model".to_owned(),
+        "fibre.beta_r_deg" => "roughness R".to_owned(),
+        "fibre.beta_tt_deg" => "roughness TT".to_owned(),
+        "fibre.beta_trt_deg" => "roughness TRT".to_owned(),
+        "fibre.alpha_r_deg" => "tilt R".to_owned(),
+        "fibre.alpha_tt_deg" => "tilt TT".to_owned(),
+        "fibre.alpha_trt_deg" => "tilt TRT".to_owned(),
+        "fibre.color" => "hair colour".to_owned(),
+        "hair.source" => "hair".to_owned(),
+        "head.source" => "head".to_owned(),
+        "environment.source" => "map".to_owned(),
+        "environment.exposure" => "light exposure".to_owned(),
+        "camera.fov_deg" => "field of view".to_owned(),
+        _ => name,
+    }
+}
+
+fn help(field: &Field) -> String {
+    let mut text = field.help.to_owned();
+    if let Some(first) = text.get(..1) {
+        text = first.to_uppercase() + &text[1..];
+    }
+    format!("{text}.\n{}: {}", field.key, field.expects())
+}
+
+fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -> egui::Response {
+    if let (Some(word), Value::Unset) = (field.unset, value) {
+        let own = ui.button(word);
+        if own.clicked() {
+            *next = first_value(field);
+        }
+        return own;
+    }
+    if field.unset.is_some() {
+        let free = ui.add(egui::Button::new("×").small().frame(false));
+        let word = field.unset.unwrap_or_default();
+        name_it(&free, &format!("Leave {} {word}", name(field)));
+        if free.on_hover_text(format!("Leave it {word}")).clicked() {
+            *next = Some(Value::Unset);
+        }
+    }
+    match (field.kind, value) {
+        (Kind::Number { min, max }, Value::Number(x)) => {
+            let mut y = *x;
+            let suffix = match field.unit {
+                "degrees" => "°",
+                "radians" => " rad",
+                "stops" => " EV",
+                unit => unit,
+            };
+            // Ranges that no slider can hold are dragged.
+            let response = if max - min > 5e3 {
+                ui.add(DragValue::new(&mut y).range(min..=max).speed(0.01 * x.abs().max(0.01)))
+            } else {
+                let wide = min > 0.0 && max / min > 50.0;
+                ui.add(Slider::new(&mut y, min..=max).suffix(suffix).logarithmic(wide))
+            };
+            if response.changed() {
+                *next = Some(Value::Number(y));
+            }
+            response
+        }
+        (Kind::Integer { min, max }, Value::Number(x)) => {
+            let mut y = *x;
+            let drag = DragValue::new(&mut y).range(min..=max).fixed_decimals(0);
+            let response = ui.add(drag.speed((0.01 * x).max(0.05)));
+            if response.changed() {
+                *next = Some(Value::Number(y.round()));
+            }
+            response
+        }
+        (Kind::Choice(words), Value::Text(word)) => {
+            let shown =
+                egui::ComboBox::from_id_salt(field.key).selected_text(word).show_ui(ui, |ui| {
+                    for &other in words {
+                        if ui.selectable_label(other == word, other).clicked() {
+                            *next = Some(Value::Text(other.to_owned()));
+                        }
+                    }
+                });
+            shown.response
+        }
+        (Kind::Color { .. }, Value::List(rgb)) => {
+            let mut color = [0, 1, 2].map(|k| rgb.get(k).copied().unwrap_or(0.0) as f32);
+            let response = ui.color_edit_button_rgb(&mut color);
+            if response.changed() {
+                let held = color.map(|c| f64::from(c).clamp(0.001, 0.999));
+                *next = Some(Value::List(held.to_vec()));
+            }
+            response
+        }
+        (Kind::Vector { min, max }, Value::List(xs)) => {
+            let mut ys = xs.clone();
+            let inner = ui.horizontal(|ui| {
+                let mut all: Option<egui::Response> = None;
+                // From right to left.
+                for y in ys.iter_mut().rev() {
+                    let speed = 0.01 * y.abs().max(0.1);
+                    let one = ui.add(DragValue::new(y).range(min..=max).speed(speed));
+                    all = Some(all.map_or(one.clone(), |all| all | one));
+                }
+                all
+            });
+            let response = inner.inner.unwrap_or(inner.response);
+            if response.changed() {
+                *next = Some(Value::List(ys));
+            }
+            response
+        }
+        (Kind::Size { min, max }, Value::List(xs)) => {
+            let mut ys = xs.clone();
+            let inner = ui.horizontal(|ui| {
+                let mut all: Option<egui::Response> = None;
+                for y in ys.iter_mut().rev() {
+                    let one = ui.add(DragValue::new(y).range(min..=max).fixed_decimals(0));
+                    all = Some(all.map_or(one.clone(), |all| all | one));
+                }
+                all
+            });
+            let response = inner.inner.unwrap_or(inner.response);
+            if response.changed() {
+                *next = Some(Value::List(ys.iter().map(|y| y.round()).collect()));
+            }
+            response
+        }
+        (Kind::Source { builtins, words }, Value::Text(text)) => {
+            source(ui, field, builtins, words, text, next)
+        }
+        (_, Value::Text(text)) => typed(ui, field, text, next),
+        _ => ui.label("–"),
+    }
+}
+
+/// What a field that is left to the program gets once it is not.
+fn first_value(field: &Field) -> Option<Value> {
+    Some(match field.kind {
+        Kind::Number { min, max } => Value::Number(0f64.clamp(min, max).max(0.1f64.min(max))),
+        Kind::Integer { min, max } => Value::Number(16f64.clamp(min, max)),
+        Kind::Vector { .. } => Value::List(vec![0.0; 3]),
+        Kind::Target => Value::Text("20%".to_owned()),
+        Kind::Output(endings) => Value::Text(format!("stats.{}", endings.first()?)),
+        Kind::Source { words, .. } => Value::Text((*words.first()?).to_owned()),
+        _ => return None,
+    })
+}
+
+/// Text that takes effect when it is left or entered.
+fn typed(ui: &mut Ui, field: &Field, text: &str, next: &mut Option<Value>) -> egui::Response {
+    let id = ui.scope_id().with(("typed", field.key));
+    let mut draft = ui.data(|d| d.get_temp::<String>(id)).unwrap_or_else(|| text.to_owned());
+    let response = ui.add(egui::TextEdit::singleline(&mut draft).desired_width(140.0));
+    if response.has_focus() {
+        ui.data_mut(|d| d.insert_temp(id, draft));
+    } else {
+        if response.lost_focus() && draft != text {
+            *next = field.parse(&draft).ok();
+        }
+        ui.data_mut(|d| d.remove::<String>(id));
+    }
+    response
+}
+
+/// A file, a builtin, or a word.
+fn source(
+    ui: &mut Ui,
+    field: &Field,
+    builtins: &[&str],
+    words: &[&str],
+    text: &str,
+    next: &mut Option<Value>,
+) -> egui::Response {
+    let shown = std::path::Path::new(text);
+    let shown = shown.file_name().map_or(text.into(), |name| name.to_string_lossy());
+    let combo = egui::ComboBox::from_id_salt(field.key).selected_text(&*shown).show_ui(ui, |ui| {
+        let names = builtins.iter().map(|name| format!("builtin:{name}"));
+        for name in names.chain(words.iter().map(|&word| word.to_owned())) {
+            if ui.selectable_label(name == text, &name).clicked() {
+                *next = Some(Value::Text(name));
+            }
+        }
+        ui.separator();
+        ui.label("Path of a file");
+        let typed = typed(ui, field, text, next);
+        name_it(&typed, &format!("Path of the {}", name(field)));
+    });
+    combo.response
+}
+
+/// The ways in which one thing can be stated, to choose from; and the fields of the one that holds.
+pub fn alternatives(ui: &mut Ui, of: &str, label: &str, scene: &mut Scene) {
+    let ways = || {
+        let mut ways: Vec<&'static str> = Vec::new();
+        let stated = FIELDS.iter().filter_map(|f| f.alternative).filter(|a| a.of == of);
+        for Alternative { way, .. } in stated {
+            if !ways.contains(&way) {
+                ways.push(way);
+            }
+        }
+        ways
+    };
+    let of_way = |way: &'static str| {
+        FIELDS.iter().filter(move |f| f.alternative.is_some_and(|a| a.of == of && a.way == way))
+    };
+    let holds = ways().into_iter().find(|way| of_way(way).all(|f| f.get(scene).is_some()));
+    ui.horizontal(|ui| {
+        ui.label(label);
+        for way in ways() {
+            if ui.selectable_label(holds == Some(way), way).clicked() && holds != Some(way) {
+                turn_to(scene, way);
+            }
+        }
+    });
+    if let Some(way) = ways().into_iter().find(|way| of_way(way).all(|f| f.get(scene).is_some())) {
+        of_way(way).for_each(|f| field(ui, f.key, scene));
+    }
+}
+
+/// States the fibre's colour another way, as near to what it was as that way has it.
+fn turn_to(scene: &mut Scene, way: &str) {
+    let sigma_a = scene.fibre.pigment.sigma_a();
+    scene.fibre.pigment = match way {
+        "absorption" => Pigment::Absorption(sigma_a),
+        "melanin" => Pigment::Melanin { eumelanin: sigma_a[0] / 0.419, pheomelanin: 0.0 },
+        _ => Pigment::Color(assembly_color(sigma_a)),
+    };
+}
+
+/// The colour of the hair as a whole, of an absorption: the inverse of `Pigment::Color`.
+pub fn assembly_color(sigma_a: [f64; 3]) -> [f64; 3] {
+    // (ln C/f)² of the table, at the C whose logarithm is 1.
+    let f = Pigment::Color([(-1f64).exp(); 3]).sigma_a()[0].sqrt().recip();
+    sigma_a.map(|s| (-f * s.sqrt()).exp().clamp(0.001, 0.999))
+}
+
+/// Linear RGB as a colour of the interface.
+pub fn swatch(rgb: [f64; 3]) -> Color32 {
+    let [r, g, b] = rgb.map(|c| c as f32);
+    Rgba::from_rgb(r, g, b).into()
+}

@@ -1,0 +1,112 @@
+//! What was done, to be undone and done again.
+
+use half::f16;
+
+use crate::paint::{Channel, Paint};
+use crate::scene::{FIELDS, Scene};
+
+/// Bytes that strokes may keep before the oldest steps are let go.
+const MOST_BYTES: usize = 256 << 20;
+
+/// Texels before or after a stroke: value and weight of each point.
+pub type Texels = Vec<(u32, [f16; 4])>;
+
+/// One step.
+#[derive(Clone)]
+pub enum Step {
+    Scene { before: Box<Scene>, after: Box<Scene> },
+    Stroke { label: String, channel: Channel, before: Texels, after: Texels },
+}
+
+impl Step {
+    /// What it did, in few words.
+    pub fn label(&self) -> String {
+        match self {
+            Step::Stroke { label, .. } => label.clone(),
+            Step::Scene { before, after } => {
+                let differs = |f: &&crate::scene::Field| f.get(before) != f.get(after);
+                let mut names: Vec<String> =
+                    FIELDS.iter().filter(differs).map(|f| f.name().replace('_', " ")).collect();
+                if names.len() > 3 {
+                    let more = names.len() - 2;
+                    names.truncate(2);
+                    names.push(format!("{more} more"));
+                }
+                names.join(", ")
+            }
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        match self {
+            Step::Scene { .. } => 2 * size_of::<Scene>(),
+            Step::Stroke { before, after, .. } => {
+                (before.capacity() + after.capacity()) * size_of::<(u32, [f16; 4])>()
+            }
+        }
+    }
+}
+
+/// Steps, of which the first `done` hold.
+#[derive(Clone, Default)]
+pub struct History {
+    steps: Vec<Step>,
+    done: usize,
+    bytes: usize,
+    /// Steps that were let go for memory's sake.
+    pub forgotten: usize,
+}
+
+impl History {
+    pub fn push(&mut self, step: Step) {
+        for undone in self.steps.drain(self.done..) {
+            self.bytes -= undone.bytes();
+        }
+        self.bytes += step.bytes();
+        self.steps.push(step);
+        while self.bytes > MOST_BYTES && self.steps.len() > 1 {
+            self.bytes -= self.steps.remove(0).bytes();
+            self.forgotten += 1;
+        }
+        self.done = self.steps.len();
+    }
+
+    /// All steps, and how many of them hold.
+    pub fn steps(&self) -> (&[Step], usize) {
+        (&self.steps, self.done)
+    }
+
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// Takes the last step back; whether there was one.
+    pub fn undo(&mut self, scene: &mut Scene, paint: &mut Paint) -> bool {
+        let Some(step) = self.done.checked_sub(1).map(|i| &self.steps[i]) else { return false };
+        match step {
+            Step::Scene { before, .. } => *scene = (**before).clone(),
+            Step::Stroke { channel, before, .. } => put(paint, *channel, before),
+        }
+        self.done -= 1;
+        true
+    }
+
+    /// Does the next step again; whether there was one.
+    pub fn redo(&mut self, scene: &mut Scene, paint: &mut Paint) -> bool {
+        let Some(step) = self.steps.get(self.done) else { return false };
+        match step {
+            Step::Scene { after, .. } => *scene = (**after).clone(),
+            Step::Stroke { channel, after, .. } => put(paint, *channel, after),
+        }
+        self.done += 1;
+        true
+    }
+}
+
+fn put(paint: &mut Paint, channel: Channel, texels: &Texels) {
+    let layer = paint.layer_mut(channel);
+    for &(point, texel) in texels {
+        layer.set_texel(point as usize, texel);
+    }
+    paint.forget_bare();
+}

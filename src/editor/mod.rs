@@ -1,0 +1,55 @@
+//! The editor: a window on a live scene, to change and to paint it.
+//!
+//! - `document`: the scene and its paint, open and saved.
+//! - `history`: what was done, step by step, to be undone.
+//! - `brush`: from a place on the screen to paint on strands.
+//! - `viewport`: the picture, the camera and the brush over it.
+//! - `fields`: the widgets of the scene's table of fields; nothing here names a range.
+//! - `app`: what holds them together: a frame of the interface.
+
+mod app;
+mod brush;
+mod document;
+mod fields;
+mod history;
+mod viewport;
+
+use anyhow::{Result, anyhow};
+use eframe::egui;
+
+pub use app::Editor;
+pub use brush::{Brush, Falloff, Mode, Reach};
+pub use document::Document;
+pub use history::History;
+
+/// Opens the window on a document and comes back when it is closed.
+///
+/// # Errors
+/// One line, where no window can be opened.
+pub fn run(document: Document) -> Result<()> {
+    let options = eframe::NativeOptions {
+        viewport: egui::ViewportBuilder::default()
+            .with_title("Hairlight")
+            .with_app_id("hairlight")
+            .with_inner_size([1280.0, 800.0])
+            .with_min_inner_size([640.0, 400.0])
+            .with_drag_and_drop(true),
+        ..Default::default()
+    };
+    struct Window(Editor);
+    impl eframe::App for Window {
+        fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+            self.0.ui(ui);
+        }
+    }
+    let opened = eframe::run_native(
+        "hairlight",
+        options,
+        Box::new(|context| Ok(Box::new(Window(Editor::new(document, &context.egui_ctx))))),
+    );
+    opened.map_err(|error| {
+        anyhow!(
+            "no window can be opened ({error}): run it on a desktop, or use `hairlight capture`"
+        )
+    })
+}

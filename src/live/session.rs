@@ -1,0 +1,438 @@
+//! The stages of a frame, each kept until what it was made from changes.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Result, bail};
+
+use super::{Picture, Said, Wish, same_paint};
+use crate::capture::{background, parts};
+use crate::environment::{self, Loaded};
+use crate::field::Field;
+use crate::gpu::Gpu;
+use crate::gpu::frame::{Background, Frame, Renderer};
+use crate::gpu::method::MethodData;
+use crate::image::display_bytes;
+use crate::light::{LitHair, Medium};
+use crate::paint::{Fibres, Paint};
+use crate::quality::Settings;
+use crate::scene::{EnvironmentSpec, FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
+use crate::srbf::{self, Fit};
+use crate::stage::{Geometry, exposure_scale, shaded_lights};
+use crate::transport::Detail;
+
+/// A hurried picture shall take no longer.
+const HURRY_MS: f64 = 110.0;
+/// Strand points that a hurried picture rasterises at most, about.
+const HURRY_POINTS: usize = 120_000;
+/// Pixels of a hurried picture: at least, and at first.
+const HURRY_PIXELS: [f64; 2] = [4_000.0, 20_000.0];
+/// Cells of the density volume while the light turns.
+const HURRY_CELLS: usize = 32;
+/// So many lights are summed between two looks at whether to go on.
+const LIGHTS_A_LOOK: usize = 8;
+
+/// Something made, and what it was made from.
+struct Made<K, T> {
+    from: K,
+    it: T,
+}
+
+/// What geometry is made from: hair without its paint, head, diameter.
+type Shape = (HairSpec, HeadSpec, f64);
+
+struct Body {
+    stage: Arc<Geometry>,
+    medium: Medium,
+    /// Of [`HURRY_CELLS`].
+    coarse: Medium,
+}
+
+/// Lit hair, and how well.
+struct Lighting {
+    lit: LitHair,
+    /// By [`Body::coarse`], to the grid's samples alone.
+    coarse: bool,
+    known: HashSet<u32>,
+}
+
+/// All that frames of a changing scene are made from.
+pub struct Session {
+    gpu: Option<Made<String, Renderer>>,
+    body: Option<Made<Shape, Body>>,
+    map: Option<Made<String, Loaded>>,
+    fit: Option<Made<(String, u32), Fit>>,
+    lighting: Option<Made<(u64, f64), Lighting>>,
+    method: Option<Made<(FibreSpec, RenderSpec, Option<String>), MethodData>>,
+    paint: Option<Arc<Paint>>,
+    field: Option<Made<(u64, u64), Option<Field>>>,
+    /// Counts what lighting and fibres were made, for what follows from them.
+    lit: u64,
+    fits: u64,
+    fibres: u64,
+    shown_field: Option<(u64, u64)>,
+    hurry_pixels: f64,
+    /// The wish of the last hurried picture, as if nothing moved.
+    hurried: Option<Wish>,
+}
+
+/// Told, from any thread, what goes on.
+pub type Say<'a> = &'a (dyn Fn(Said) + Sync);
+/// Whether to go on with what is not hurried.
+pub type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
+
+impl Default for Session {
+    fn default() -> Self {
+        Self {
+            gpu: None,
+            body: None,
+            map: None,
+            fit: None,
+            lighting: None,
+            method: None,
+            paint: None,
+            field: None,
+            lit: 0,
+            fits: 0,
+            fibres: 0,
+            shown_field: None,
+            hurry_pixels: HURRY_PIXELS[1],
+            hurried: None,
+        }
+    }
+}
+
+impl Session {
+    /// Makes what `wish` asks for: a hurried picture where anything changed, then the whole one unless something moves.
+    /// False where it was given up for `go_on`.
+    ///
+    /// # Errors
+    /// One line, if the wish cannot be seen; what was made before stays.
+    pub fn see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
+        let result = self.try_see(wish, go_on, say);
+        match result {
+            Err(_) if !go_on() => Ok(false),
+            Err(error) => {
+                // A device that was lost is opened anew at the next wish.
+                if self.gpu.as_ref().is_some_and(|made| made.it.gpu.wait().is_err()) {
+                    self.gpu = None;
+                    self.body = None;
+                }
+                self.hurried = None;
+                Err(error)
+            }
+            done => done,
+        }
+    }
+
+    fn try_see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
+        let scene = &wish.scene;
+        self.make_body(scene, say)?;
+        self.make_map(scene, say)?;
+        self.make_fit(scene, go_on, say)?;
+        self.make_method(wish)?;
+        if self.hurried.as_ref().is_none_or(|hurried| !hurried.same(wish)) {
+            self.make_lighting(scene, wish.moving, go_on, say)?;
+            self.hurry(wish, say)?;
+            self.hurried = Some(wish.clone());
+        }
+        if wish.moving || !go_on() {
+            return Ok(wish.moving);
+        }
+        self.make_lighting(scene, false, go_on, say)?;
+        self.finish(wish, go_on, say)
+    }
+
+    fn make_body(&mut self, scene: &Scene, say: Say) -> Result<()> {
+        let hair = HairSpec { paint: None, ..scene.hair.clone() };
+        let from = (hair, scene.head.clone(), scene.fibre.diameter);
+        let adapter = &scene.render.adapter;
+        let has_gpu = self.gpu.as_ref().is_some_and(|made| made.from == *adapter);
+        if self.body.as_ref().is_some_and(|made| made.from == from) && has_gpu {
+            return Ok(());
+        }
+        say(Said::Progress("loading hair", 0.0));
+        let stage = Arc::new(Geometry::load(scene)?);
+        stage.notes.iter().for_each(|line| say(Said::Note(line.clone())));
+        let medium = Medium::new(&stage, &Detail::USUAL);
+        let coarse = medium.with_cells(&stage, HURRY_CELLS);
+        let gpu = match self.gpu.take() {
+            Some(made) if has_gpu => made.it.gpu,
+            _ => Gpu::new(adapter)?,
+        };
+        // Another method is set before anything is shown.
+        let method = MethodData::new(
+            scene.fibre.model,
+            Fibres::even(&scene.fibre.resolve()),
+            &scene.render,
+        )?;
+        let mut renderer = Renderer::new(gpu, &method, &stage)?;
+        renderer.lights_a_group = LIGHTS_A_LOOK;
+        self.gpu = Some(Made { from: adapter.clone(), it: renderer });
+        say(Said::Geometry(stage.clone()));
+        self.body = Some(Made { from, it: Body { stage, medium, coarse } });
+        self.lighting = None;
+        self.method = None;
+        self.field = None;
+        self.shown_field = None;
+        self.set_map(scene);
+        Ok(())
+    }
+
+    fn make_map(&mut self, scene: &Scene, say: Say) -> Result<()> {
+        let source = &scene.environment.source;
+        if self.map.as_ref().is_none_or(|made| made.from != *source) {
+            say(Said::Progress("loading light", 0.0));
+            let it = environment::load(source)?;
+            if it.mended.any() {
+                say(Said::Note(format!("{source}: {}", it.mended)));
+            }
+            self.map = Some(Made { from: source.clone(), it });
+            self.set_map(scene);
+        }
+        Ok(())
+    }
+
+    /// Puts the map behind the hair.
+    fn set_map(&mut self, scene: &Scene) {
+        if let (Some(renderer), Some(map)) = (&mut self.gpu, &self.map) {
+            let turn = scene.environment.rotation_deg.to_radians() as f32;
+            renderer.it.set_environment(&map.it.environment, turn, 1.0);
+        }
+    }
+
+    fn make_fit(&mut self, scene: &Scene, go_on: GoOn, say: Say) -> Result<()> {
+        let Some(map) = &self.map else { bail!("no light") };
+        let from = (map.from.clone(), Settings::of(scene).lights);
+        if self.fit.as_ref().is_none_or(|made| made.from != from) {
+            let it = srbf::fit_cached(&map.it.environment, from.1 as usize, &|done| {
+                say(Said::Progress("fitting lights", done));
+                go_on()
+            })?;
+            self.fit = Some(Made { from, it });
+            self.fits += 1;
+        }
+        Ok(())
+    }
+
+    fn make_method(&mut self, wish: &Wish) -> Result<()> {
+        let Wish { scene, paint, .. } = wish;
+        let render = RenderSpec { samples: None, quality: None, ..scene.render.clone() };
+        let from = (scene.fibre.clone(), render, scene.hair.paint.clone());
+        if same_paint(paint, &self.paint)
+            && self.method.as_ref().is_some_and(|made| made.from == from)
+        {
+            return Ok(());
+        }
+        let Some(body) = &self.body else { bail!("no hair") };
+        let fibres = match paint {
+            Some(paint) if paint.points() != body.it.stage.hair.points.len() => {
+                bail!("the paint is of other hair: it comes back with it")
+            }
+            Some(paint) => Fibres::new(&scene.fibre, Some(paint)),
+            None => body.it.stage.fibres(scene)?,
+        };
+        let it = MethodData::new(scene.fibre.model, fibres, &scene.render)?;
+        if let Some(renderer) = &mut self.gpu {
+            renderer.it.set_method(&it);
+        }
+        self.method = Some(Made { from, it });
+        self.paint = paint.clone();
+        self.fibres += 1;
+        Ok(())
+    }
+
+    /// `hurry`: what is there will do, or else what coarse cells say.
+    fn make_lighting(&mut self, scene: &Scene, hurry: bool, go_on: GoOn, say: Say) -> Result<()> {
+        let (Some(body), Some(fit)) = (&self.body, &self.fit) else { bail!("no hair or light") };
+        let from = (self.fits, scene.environment.rotation_deg);
+        let good =
+            |made: &Made<(u64, f64), Lighting>| made.from == from && (hurry || !made.it.coarse);
+        if self.lighting.as_ref().is_some_and(good) {
+            return Ok(());
+        }
+        let lights = shaded_lights(&fit.it.lights, &unexposed(scene));
+        let medium = if hurry { &body.it.coarse } else { &body.it.medium };
+        let turned = self.lighting.as_ref().is_none_or(|made| made.from != from);
+        let lit = medium.bring(&body.it.stage, lights, &[], &|done| {
+            if !hurry {
+                say(Said::Progress("light through hair", done));
+            }
+            hurry || go_on()
+        })?;
+        self.lighting =
+            Some(Made { from, it: Lighting { lit, coarse: hurry, known: HashSet::new() } });
+        self.lit += 1;
+        if turned {
+            self.set_map(scene);
+        }
+        Ok(())
+    }
+
+    /// A picture at once.
+    fn hurry(&mut self, wish: &Wish, say: Say) -> Result<()> {
+        let begun = Instant::now();
+        let scene = &wish.scene;
+        let share = (self.hurry_pixels / pixels(wish.size)).sqrt().min(1.0);
+        let size = wish.size.map(|s| (f64::from(s) * share).round().max(1.0) as u32);
+        let Some((body, renderer, lighting, method)) = self.parts() else { bail!("no hair") };
+        let stage = &body.stage;
+        let lens = lens(stage, scene, size)?;
+        let asked = parts(scene.render.scattering);
+        renderer.set_thinning(stage.hair.points.len().div_ceil(HURRY_POINTS) as u32);
+        let points = renderer.visible_points(&[lens], 1, 4)?;
+        // What the paper's method takes of transport is more than a cell's mean can tell.
+        let reach = body.medium.rough_reach(stage, &lighting.lit, &points);
+        let rough = LitHair {
+            points,
+            transport: crate::transport::Transport { reach, ..lighting.lit.transport.clone() },
+            lights: lighting.lit.lights.clone(),
+        };
+        rough.show(renderer, method, None);
+        if let Some(field) = self.field.as_ref().and_then(|made| made.it.as_ref())
+            && asked.multiple()
+            && let Some(renderer) = &mut self.gpu
+        {
+            renderer.it.set_field(field);
+        }
+        self.shown_field = None;
+        let Some(renderer) = self.gpu.as_mut() else { bail!("no device") };
+        let frame = renderer.it.render(&lens, 4, live_background(scene), asked)?;
+        let ms = 1e3 * begun.elapsed().as_secs_f64();
+        let strands = match stage_strands(&self.body) {
+            Some((all, thinning)) if thinning > 1 => format!(", 1 of {thinning} of {all} strands"),
+            _ => String::new(),
+        };
+        let quality = format!("{} × {}, 4 samples{strands}", size[0], size[1]);
+        self.say_picture(wish, &frame, &lens, false, ms, quality, say)?;
+        let wanted = self.hurry_pixels * (HURRY_MS / ms.max(1.0)).powf(0.7);
+        self.hurry_pixels = wanted.clamp(HURRY_PIXELS[0], 1e7);
+        Ok(())
+    }
+
+    /// The frame that `capture` makes.
+    fn finish(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
+        let begun = Instant::now();
+        let scene = &wish.scene;
+        let asked = parts(scene.render.scattering);
+        let settings = Settings::of(scene);
+        let Some((body, renderer, lighting, _)) = self.parts() else { bail!("no hair") };
+        let stage = &body.stage;
+        let lens = lens(stage, scene, wish.size)?;
+        renderer.set_thinning(1);
+        let seen = renderer.visible_points(&[lens], stage.pieces(&lens), settings.samples)?;
+        if !go_on() {
+            return Ok(false);
+        }
+        let new: Vec<u32> = seen.iter().copied().filter(|i| !lighting.known.contains(i)).collect();
+        if !new.is_empty() {
+            body.medium.extend(stage, &mut lighting.lit, &new, &|done| {
+                say(Said::Progress("light through hair", done));
+                go_on()
+            })?;
+            lighting.known.extend(&new);
+        }
+        let from = (self.lit, self.fibres);
+        if self.field.as_ref().is_none_or(|made| made.from != from) && asked.multiple() {
+            let Some((body, _, lighting, method)) = self.parts() else { bail!("no hair") };
+            let it = lighting.lit.field(&body.stage, &body.medium, method, &|done| {
+                say(Said::Progress("light between strands", done));
+                go_on()
+            })?;
+            self.field = Some(Made { from, it });
+        }
+        let field = self.field.take().filter(|_| asked.multiple());
+        let Some((_, renderer, lighting, method)) = self.parts() else { bail!("no hair") };
+        lighting.lit.show(renderer, method, field.as_ref().and_then(|made| made.it.as_ref()));
+        self.field = field;
+        say(Said::Progress("shading", 0.5));
+        let Some(renderer) = self.gpu.as_mut() else { bail!("no device") };
+        let looked = || go_on();
+        let frame = renderer.it.render_while(
+            &lens,
+            settings.samples,
+            live_background(scene),
+            asked,
+            Some(&looked),
+        )?;
+        let Some(frame) = frame else { return Ok(false) };
+        let ms = 1e3 * begun.elapsed().as_secs_f64();
+        let [width, height] = wish.size;
+        let quality = format!(
+            "{width} × {height}, {} samples, {} points",
+            settings.samples,
+            frame.shaded.len()
+        );
+        self.say_picture(wish, &frame, &lens, true, ms, quality, say)?;
+        Ok(true)
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn say_picture(
+        &self,
+        wish: &Wish,
+        frame: &Frame,
+        lens: &Lens,
+        finished: bool,
+        ms: f64,
+        quality: String,
+        say: Say,
+    ) -> Result<()> {
+        let Some(map) = &self.map else { bail!("no light") };
+        if frame.pixels.iter().flatten().any(|v| !v.is_finite()) {
+            bail!(
+                "some pixels came out NaN or infinite: this is a fault of Hairlight; please report the scene"
+            );
+        }
+        let scene = &wish.scene;
+        let gain = 2f64.powf(scene.environment.exposure) as f32;
+        let scale = exposure_scale(scene, &map.it.environment) * gain;
+        let rgba = display_bytes(&frame.pixels, scale);
+        let lens = Lens { size: frame.size, ..*lens };
+        let seen = Arc::new(frame.shaded.clone());
+        say(Said::Picture(Picture { size: frame.size, rgba, finished, ms, quality, lens, seen }));
+        Ok(())
+    }
+
+    fn parts(&mut self) -> Option<(&Body, &mut Renderer, &mut Lighting, &MethodData)> {
+        Some((
+            &self.body.as_ref()?.it,
+            &mut self.gpu.as_mut()?.it,
+            &mut self.lighting.as_mut()?.it,
+            &self.method.as_ref()?.it,
+        ))
+    }
+}
+
+fn pixels([width, height]: [u32; 2]) -> f64 {
+    f64::from(width) * f64::from(height)
+}
+
+fn stage_strands(body: &Option<Made<Shape, Body>>) -> Option<(usize, usize)> {
+    let stage = &body.as_ref()?.it.stage;
+    Some((stage.hair.strand_count(), stage.hair.points.len().div_ceil(HURRY_POINTS)))
+}
+
+/// The scene's camera for a picture of another size than its own.
+fn lens(stage: &Geometry, scene: &Scene, size: [u32; 2]) -> Result<Lens> {
+    let mut scene = scene.clone();
+    scene.output.size = size;
+    Ok(stage.camera(&scene)?.lens(stage.center, size))
+}
+
+/// The light's exposure is a factor on all of the picture.
+fn unexposed(scene: &Scene) -> Scene {
+    let environment = EnvironmentSpec { exposure: 0.0, ..scene.environment.clone() };
+    Scene { environment, ..scene.clone() }
+}
+
+/// What stands behind the hair, before that factor.
+fn live_background(scene: &Scene) -> Background {
+    match background(scene) {
+        Background::Color(rgb) => {
+            Background::Color(rgb.map(|c| c / 2f64.powf(scene.environment.exposure) as f32))
+        }
+        other => other,
+    }
+}

@@ -1,0 +1,96 @@
+//! A session on a thread of its own.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, mpsc};
+use std::thread::JoinHandle;
+
+use super::{Said, Session, Wish};
+
+/// Ends the thread in place of a wish's number.
+const QUIT: u64 = u64::MAX;
+
+#[derive(Default)]
+struct Shared {
+    /// The newest wish that was not taken up yet.
+    wish: Mutex<Option<Wish>>,
+    woken: Condvar,
+    /// Number of the newest wish, or [`QUIT`].
+    newest: AtomicU64,
+}
+
+/// Sees wishes one after another; of those that wait, the newest alone.
+pub struct Worker {
+    shared: Arc<Shared>,
+    said: mpsc::Receiver<(u64, Said)>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Worker {
+    /// `wake` is called, from the thread, when something was said.
+    pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Worker {
+        let shared = Arc::new(Shared::default());
+        let (sender, said) = mpsc::channel();
+        let own = shared.clone();
+        let thread = std::thread::spawn(move || {
+            let mut session = Session::default();
+            while let Some((number, wish)) = own.next() {
+                let sender = Mutex::new(sender.clone());
+                let say = |what: Said| {
+                    // Nobody listens once the window is closed.
+                    let _ =
+                        sender.lock().unwrap_or_else(PoisonError::into_inner).send((number, what));
+                    wake();
+                };
+                let go_on = || own.newest.load(Ordering::Relaxed) == number;
+                if let Err(error) = session.see(&wish, &go_on, &say) {
+                    say(Said::Failed(format!("{error:#}")));
+                }
+            }
+        });
+        Worker { shared, said, thread: Some(thread) }
+    }
+
+    /// Asks for a wish in place of all before; its number is what its pictures come with.
+    pub fn ask(&self, wish: Wish) -> u64 {
+        let mut slot = self.shared.wish.lock().unwrap_or_else(PoisonError::into_inner);
+        *slot = Some(wish);
+        let number = self.shared.newest.fetch_add(1, Ordering::Relaxed) + 1;
+        self.shared.woken.notify_one();
+        number
+    }
+
+    /// What was said since, with the number of the wish that it is about.
+    pub fn said(&self) -> impl Iterator<Item = (u64, Said)> + '_ {
+        self.said.try_iter()
+    }
+}
+
+impl Shared {
+    /// Waits for a wish; None ends the thread.
+    fn next(&self) -> Option<(u64, Wish)> {
+        let mut slot = self.wish.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            let number = self.newest.load(Ordering::Relaxed);
+            if number == QUIT {
+                return None;
+            }
+            if let Some(wish) = slot.take() {
+                return Some((number, wish));
+            }
+            slot = self.woken.wait(slot).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        {
+            let _slot = self.shared.wish.lock().unwrap_or_else(PoisonError::into_inner);
+            self.shared.newest.store(QUIT, Ordering::Relaxed);
+        }
+        self.shared.woken.notify_one();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
