@@ -129,6 +129,10 @@ fn a_stroke_is_painted_undone_redone_saved_and_captured() {
     key(&mut window, Modifiers::NONE, Key::B);
     seen(&mut window);
     let bare = picture(&window);
+    {
+        let brush = &mut window.state_mut().as_mut().unwrap().brush;
+        (brush.value, brush.radius) = ([0.0; 3], 0.15);
+    }
     let at = middle(&window);
     let places: Vec<Pos2> = (0..8).map(|k| at + Vec2::new(8.0 * k as f32 - 28.0, -20.0)).collect();
     drag(&mut window, &places);
