@@ -154,13 +154,19 @@ impl LitHair {
     /// Sets a method, these lights, and a field of theirs.
     pub fn show(&self, renderer: &mut Renderer, method: &MethodData, field: Option<&Field>) {
         renderer.set_method(method);
-        renderer.set_lights(&self.lights, &self.points, &self.transport);
+        self.show_at(renderer, &self.points, &self.transport.reach);
+        match field {
+            Some(field) => renderer.set_field(field),
+            None => renderer.clear_field(),
+        }
+    }
+
+    /// Sets these lights with a reach at points; the field stays.
+    pub fn show_at(&self, renderer: &mut Renderer, points: &[u32], reach: &[Vec<u32>]) {
+        renderer.set_lights(&self.lights, points, reach);
         let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
         let irradiance = &self.transport.head_irradiance;
         let head: Vec<Vec3> = irradiance.iter().map(|e| *e * to_radiance).collect();
         renderer.set_head_radiance(&head);
-        if let Some(field) = field {
-            renderer.set_field(field);
-        }
     }
 }

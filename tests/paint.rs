@@ -77,7 +77,7 @@ fn a_file_reads_back_and_is_refused_where_it_does_not_belong() {
         let layer = paint.layer_mut(channel);
         for point in (0..hair.points.len()).step_by(7 + i) {
             let value = 1.0 + 0.001 * (point % 100) as f32;
-            layer.set(point, [value, 2.0 * value, 3.0 * value], 0.001 * (point % 1000) as f32);
+            layer.set(point, [value, 2.0 * value, 3.0 * value], 0.001 * (1 + point % 999) as f32);
         }
     }
     paint.write(&path, &hair).unwrap();

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use eframe::egui::{self, Color32, Key, KeyboardShortcut, Modifiers, Pos2, Rect, Ui, Vec2};
 
-use super::brush::{Brush, Falloff, Mode, Places, Reach, Stroke, pick};
+use super::brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke, pick};
 use super::document::{Document, put_file};
 use super::fields::{self, field};
 use super::history::{History, Step};
@@ -671,16 +671,14 @@ impl Editor {
             self.drag = Some(Drag::Pan);
         }
         let clicked = response.clicked() && self.tool == Tool::Paint && !modifiers.any();
-        if clicked || self.drag == Some(Drag::Stroke) && response.dragged() {
-            if let Some(at) = response.interact_pointer_pos() {
-                let pressure = ctx.input(|i| {
-                    i.events.iter().rev().find_map(|event| match event {
-                        egui::Event::Touch { force, .. } => *force,
-                        _ => None,
-                    })
-                });
-                self.paint_at(at, rect, pressure.unwrap_or(1.0));
-            }
+        let stroking = self.drag == Some(Drag::Stroke) && response.dragged();
+        if let Some(at) = response.interact_pointer_pos().filter(|_| clicked || stroking) {
+            let of_pen = |event: &egui::Event| match event {
+                egui::Event::Touch { force, .. } => *force,
+                _ => None,
+            };
+            let pressure = ctx.input(|i| i.events.iter().rev().find_map(of_pen));
+            self.paint_at(at, rect, pressure.unwrap_or(1.0));
         }
         if response.dragged() {
             let scene = &mut self.document.scene;
@@ -735,7 +733,8 @@ impl Editor {
         let bare = bare(&self.document.scene, brush.channel);
         // A copy, so that what the worker reads stays as it is.
         let mut next = (**paint).clone();
-        if stroke.to(place, pressure, brush, places, &stage, bare, &mut next) {
+        let canvas = Canvas { places, stage: &stage, bare };
+        if stroke.to(place, pressure, &canvas, &mut next) {
             *paint = Arc::new(next);
         }
     }

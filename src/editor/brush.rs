@@ -147,10 +147,17 @@ impl Places {
     }
 }
 
+/// What is painted on, as the pointer meets it.
+pub struct Canvas<'a> {
+    pub places: &'a Places,
+    pub stage: &'a Geometry,
+    /// What the scene itself has of the brush's channel.
+    pub bare: [f32; 3],
+}
+
 /// A stroke under way: what its points were like before it.
 pub struct Stroke {
-    channel: Channel,
-    label: String,
+    brush: Brush,
     /// By point; NaN weight where it was not touched.
     before: Vec<[f16; 4]>,
     /// The greatest share of the brush that each point has had, so that dabs of one stroke do not add up.
@@ -161,28 +168,22 @@ pub struct Stroke {
 impl Stroke {
     pub fn new(brush: &Brush, points: usize) -> Self {
         Self {
-            channel: brush.channel,
-            label: format!("{} {}", brush.mode.word().to_lowercase(), brush.channel.word()),
+            brush: brush.clone(),
             before: vec![[f16::NAN; 4]; points],
             most: vec![0.0; points],
             last: None,
         }
     }
 
-    /// Goes on to a place in the picture (pixels), with `pressure` 0 to 1; whether anything was painted. `bare` is
-    /// what the scene has of the channel.
+    /// Goes on to a place in the picture (pixels), with `pressure` 0 to 1; whether anything was painted.
     pub fn to(
         &mut self,
         place: [f32; 2],
         pressure: f32,
-        brush: &Brush,
-        places: &Places,
-        stage: &Geometry,
-        bare: [f32; 3],
+        canvas: &Canvas,
         paint: &mut Paint,
     ) -> bool {
-        let radius = brush.radius * places.height;
-        let step = (brush.spacing * radius).max(0.5);
+        let step = (self.brush.spacing * self.brush.radius * canvas.places.height).max(0.5);
         let from = self.last.unwrap_or(place);
         let way = [place[0] - from[0], place[1] - from[1]];
         let length = way[0].hypot(way[1]);
@@ -193,24 +194,17 @@ impl Stroke {
         let mut painted = false;
         for dab in 1..=dabs {
             let f = dab as f32 / dabs as f32;
-            let at = [from[0] + f * way[0], from[1] + f * way[1]];
-            painted |= self.dab(at, radius, pressure, brush, places, stage, bare, paint);
+            painted |=
+                self.dab([from[0] + f * way[0], from[1] + f * way[1]], pressure, canvas, paint);
         }
         self.last = Some(place);
         painted
     }
 
-    fn dab(
-        &mut self,
-        at: [f32; 2],
-        radius: f32,
-        pressure: f32,
-        brush: &Brush,
-        places: &Places,
-        stage: &Geometry,
-        bare: [f32; 3],
-        paint: &mut Paint,
-    ) -> bool {
+    fn dab(&mut self, at: [f32; 2], pressure: f32, canvas: &Canvas, paint: &mut Paint) -> bool {
+        let &Canvas { places, stage, bare } = canvas;
+        let brush = &self.brush;
+        let radius = brush.radius * places.height;
         let share = |p: &[f32; 2]| {
             let distance = (p[0] - at[0]).hypot(p[1] - at[1]) / radius;
             if distance < 1.0 { brush.falloff.at(distance) } else { 0.0 }
@@ -281,11 +275,12 @@ impl Stroke {
 
     /// What it did, as a step of the history; None where it did nothing.
     pub fn step(self, paint: &Paint) -> Option<super::history::Step> {
-        let layer = paint.layer(self.channel)?;
+        let Brush { channel, mode, .. } = self.brush;
+        let layer = paint.layer(channel)?;
         let touched = self.before.iter().enumerate().filter(|(_, texel)| !texel[3].is_nan());
         let before: Texels = touched.map(|(i, texel)| (i as u32, *texel)).collect();
         let after = before.iter().map(|&(i, _)| (i, layer.texel(i as usize))).collect();
-        let (label, channel) = (self.label, self.channel);
+        let label = format!("{} {}", mode.word().to_lowercase(), channel.word());
         (!before.is_empty()).then_some(super::history::Step::Stroke {
             label,
             channel,

@@ -48,8 +48,10 @@ impl Step {
 }
 
 /// Steps, of which the first `done` hold.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub struct History {
+    /// Bytes that are kept at most.
+    most_bytes: usize,
     steps: Vec<Step>,
     done: usize,
     bytes: usize,
@@ -57,14 +59,25 @@ pub struct History {
     pub forgotten: usize,
 }
 
+impl Default for History {
+    fn default() -> Self {
+        Self::keeping(MOST_BYTES)
+    }
+}
+
 impl History {
+    /// At most so many bytes of steps; the newest is always kept.
+    pub fn keeping(most_bytes: usize) -> Self {
+        Self { most_bytes, steps: Vec::new(), done: 0, bytes: 0, forgotten: 0 }
+    }
+
     pub fn push(&mut self, step: Step) {
         for undone in self.steps.drain(self.done..) {
             self.bytes -= undone.bytes();
         }
         self.bytes += step.bytes();
         self.steps.push(step);
-        while self.bytes > MOST_BYTES && self.steps.len() > 1 {
+        while self.bytes > self.most_bytes && self.steps.len() > 1 {
             self.bytes -= self.steps.remove(0).bytes();
             self.forgotten += 1;
         }

@@ -18,9 +18,9 @@ use anyhow::{Result, anyhow};
 use eframe::egui;
 
 pub use app::Editor;
-pub use brush::{Brush, Falloff, Mode, Reach};
+pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
 pub use document::Document;
-pub use history::History;
+pub use history::{History, Step};
 
 /// Opens the window on a document and comes back when it is closed.
 ///

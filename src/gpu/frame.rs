@@ -18,7 +18,6 @@ use crate::hair::normals;
 use crate::scene::Lens;
 use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
 use crate::stage::Geometry;
-use crate::transport::Transport;
 
 /// What stands behind the hair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -272,7 +271,8 @@ impl Renderer {
 
     /// Draws only the segments that `keep` holds for, each in `pieces` straight pieces.
     fn draw_segments(&mut self, pieces: u32, keep: impl Fn(usize) -> bool) {
-        let there = |first: usize| self.strand_of[first] % self.thinning == 0 && keep(first);
+        let there =
+            |first: usize| self.strand_of[first].is_multiple_of(self.thinning) && keep(first);
         let drawn: Vec<u32> =
             self.every_segment.iter().copied().filter(|&first| there(first as usize)).collect();
         let device = &self.gpu.device;
@@ -306,12 +306,12 @@ impl Renderer {
     }
 
     /// Sets the lights (world frame, exposure included) and their packed reach at `points`:
-    /// `transport.reach[j][k]` is light j at point `points[k]`. Segments with other points are no longer drawn: from
+    /// `reach[j][k]` is light j at point `points[k]`. Segments with other points are no longer drawn: from
     /// the cameras that [`Self::visible_points`] was asked for they are hidden anyway, and leaving them
     /// out rasterises the same frame in a quarter of the time (sintel).
     ///
     /// Comes after [`Self::set_method`], which says how many lights a pass may sum, and before [`Self::set_field`].
-    pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], transport: &Transport) {
+    pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], reach: &[Vec<u32>]) {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
         let bright = lights.iter().filter(|light| power(light) > 0.0).count();
         let fair = lights.iter().map(power).sum::<f64>() / bright.max(1) as f64;
@@ -330,12 +330,11 @@ impl Renderer {
             .collect();
         self.lights = storage(&self.gpu.device, "lights", bytemuck::cast_slice(&entries));
         self.light_count = lights.len() as u32;
-        self.field = None;
-        self.set_reach(points, &transport.reach);
+        self.set_reach(points, reach);
     }
 
     /// Sets the reach of the lights that are set at other points; see [`Self::set_lights`].
-    pub fn set_reach(&mut self, points: &[u32], reach: &[Vec<u32>]) {
+    fn set_reach(&mut self, points: &[u32], reach: &[Vec<u32>]) {
         let device = &self.gpu.device;
         let mut slots = vec![NO_SLOT; self.points as usize];
         for (slot, &point) in points.iter().enumerate() {
@@ -359,6 +358,11 @@ impl Renderer {
                 reach: storage(device, "reach", bytemuck::cast_slice(&chunk.concat())),
             })
             .collect();
+    }
+
+    /// From now on no strand is lit by another.
+    pub fn clear_field(&mut self) {
+        self.field = None;
     }
 
     /// Sets what other strands have scattered of the lights that are set, of which the last are the ordinates.

@@ -1,6 +1,6 @@
 //! What a method binds in group 0: the fibre, and two tables.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use anyhow::{Result, bail, ensure};
 
@@ -58,6 +58,26 @@ fn visible_modes(fast: &Fast) -> u32 {
     modes.map(|mode| u32::from(fast.share_of(mode) > VISIBLE) << mode as u32).iter().sum()
 }
 
+/// [`fast::Tables::over`], made once for all methods that are there and have the same.
+fn tables_over(layers: &FitLayers, model: Model, nodes: usize) -> Arc<fast::Tables> {
+    type Known = (FitLayers, Model, usize, Weak<fast::Tables>);
+    static KNOWN: Mutex<Vec<Known>> = Mutex::new(Vec::new());
+    let same = |known: &Known| {
+        let (l, m, n, _) = known;
+        (l.low, l.high, l.count, *m, *n) == (layers.low, layers.high, layers.count, model, nodes)
+    };
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    known.retain(|(.., tables)| tables.strong_count() > 0);
+    if let Some(tables) = known.iter().find(|k| same(k)).and_then(|(.., tables)| tables.upgrade()) {
+        return tables;
+    }
+    drop(known);
+    let tables = Arc::new(fast::Tables::over(layers, model, nodes));
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    known.push((*layers, model, nodes, Arc::downgrade(&tables)));
+    tables
+}
+
 impl MethodData {
     /// What a scene asks for.
     ///
@@ -98,13 +118,13 @@ impl MethodData {
     /// The same of a groom whose points may have fibres of their own.
     pub fn of(fibres: Fibres, model: Model, nodes: u32) -> Self {
         /// Points that tell which modes are seen.
-        const JUDGED: usize = 256;
+        const JUDGED: usize = 64;
         let base = fibres.base();
         let layers = match fibres.painted() {
             true => FitLayers::over(base, fibres.eta_range()),
             false => FitLayers::new(base),
         };
-        let tables = Arc::new(fast::Tables::over(&layers, model, nodes as usize));
+        let tables = tables_over(&layers, model, nodes as usize);
         let seen = |fibre: &Fibre| visible_modes(&Fast::new(fibre, model, &tables));
         Self {
             integrator: Integrator::Fast(model),

@@ -23,11 +23,13 @@ use crate::stage::{Geometry, exposure_scale, shaded_lights};
 use crate::transport::Detail;
 
 /// A hurried picture shall take no longer.
-const HURRY_MS: f64 = 110.0;
+const HURRY_MS: f64 = 150.0;
 /// Strand points that a hurried picture rasterises at most, about.
-const HURRY_POINTS: usize = 120_000;
+const HURRY_POINTS: usize = 45_000;
 /// Pixels of a hurried picture: at least, and at first.
-const HURRY_PIXELS: [f64; 2] = [4_000.0, 20_000.0];
+const HURRY_PIXELS: [f64; 2] = [10_000.0, 20_000.0];
+/// What a light brings less of than this share is left out of a hurried picture: see `Renderer::negligible`.
+const HURRY_NEGLIGIBLE: f64 = 0.03;
 /// Cells of the density volume while the light turns.
 const HURRY_CELLS: usize = 32;
 /// So many lights are summed between two looks at whether to go on.
@@ -41,6 +43,8 @@ struct Made<K, T> {
 
 /// What geometry is made from: hair without its paint, head, diameter.
 type Shape = (HairSpec, HeadSpec, f64);
+/// What a method is made from, beside paint in memory: fibre, method, the paint's file.
+type Look = (FibreSpec, RenderSpec, Option<String>);
 
 struct Body {
     stage: Arc<Geometry>,
@@ -55,6 +59,15 @@ struct Lighting {
     /// By [`Body::coarse`], to the grid's samples alone.
     coarse: bool,
     known: HashSet<u32>,
+    /// The points of hurried pictures, and their reach as cells have it.
+    rough: Option<(Vec<u32>, Vec<Vec<u32>>)>,
+}
+
+/// How a picture was made: see [`Picture`].
+struct How {
+    finished: bool,
+    ms: f64,
+    quality: String,
 }
 
 /// All that frames of a changing scene are made from.
@@ -64,14 +77,15 @@ pub struct Session {
     map: Option<Made<String, Loaded>>,
     fit: Option<Made<(String, u32), Fit>>,
     lighting: Option<Made<(u64, f64), Lighting>>,
-    method: Option<Made<(FibreSpec, RenderSpec, Option<String>), MethodData>>,
+    method: Option<Made<Look, MethodData>>,
     paint: Option<Arc<Paint>>,
     field: Option<Made<(u64, u64), Option<Field>>>,
     /// Counts what lighting and fibres were made, for what follows from them.
     lit: u64,
     fits: u64,
     fibres: u64,
-    shown_field: Option<(u64, u64)>,
+    /// The lighting that the renderer is ready to hurry with.
+    hurry_ready: Option<u64>,
     hurry_pixels: f64,
     /// The wish of the last hurried picture, as if nothing moved.
     hurried: Option<Wish>,
@@ -96,7 +110,7 @@ impl Default for Session {
             lit: 0,
             fits: 0,
             fibres: 0,
-            shown_field: None,
+            hurry_ready: None,
             hurry_pixels: HURRY_PIXELS[1],
             hurried: None,
         }
@@ -167,15 +181,14 @@ impl Session {
             Fibres::even(&scene.fibre.resolve()),
             &scene.render,
         )?;
-        let mut renderer = Renderer::new(gpu, &method, &stage)?;
-        renderer.lights_a_group = LIGHTS_A_LOOK;
+        let renderer = Renderer::new(gpu, &method, &stage)?;
         self.gpu = Some(Made { from: adapter.clone(), it: renderer });
         say(Said::Geometry(stage.clone()));
         self.body = Some(Made { from, it: Body { stage, medium, coarse } });
         self.lighting = None;
         self.method = None;
         self.field = None;
-        self.shown_field = None;
+        self.hurry_ready = None;
         self.set_map(scene);
         Ok(())
     }
@@ -261,8 +274,10 @@ impl Session {
             }
             hurry || go_on()
         })?;
-        self.lighting =
-            Some(Made { from, it: Lighting { lit, coarse: hurry, known: HashSet::new() } });
+        self.lighting = Some(Made {
+            from,
+            it: Lighting { lit, coarse: hurry, known: HashSet::new(), rough: None },
+        });
         self.lit += 1;
         if turned {
             self.set_map(scene);
@@ -276,36 +291,36 @@ impl Session {
         let scene = &wish.scene;
         let share = (self.hurry_pixels / pixels(wish.size)).sqrt().min(1.0);
         let size = wish.size.map(|s| (f64::from(s) * share).round().max(1.0) as u32);
-        let Some((body, renderer, lighting, method)) = self.parts() else { bail!("no hair") };
+        let asked = parts(scene.render.scattering);
+        let (lit, ready) = (self.lit, self.hurry_ready);
+        let Some((body, renderer, lighting, _)) = self.parts() else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, size)?;
-        let asked = parts(scene.render.scattering);
-        renderer.set_thinning(stage.hair.points.len().div_ceil(HURRY_POINTS) as u32);
-        let points = renderer.visible_points(&[lens], 1, 4)?;
-        // What the paper's method takes of transport is more than a cell's mean can tell.
-        let reach = body.medium.rough_reach(stage, &lighting.lit, &points);
-        let rough = LitHair {
-            points,
-            transport: crate::transport::Transport { reach, ..lighting.lit.transport.clone() },
-            lights: lighting.lit.lights.clone(),
-        };
-        rough.show(renderer, method, None);
-        if let Some(field) = self.field.as_ref().and_then(|made| made.it.as_ref())
-            && asked.multiple()
-            && let Some(renderer) = &mut self.gpu
-        {
-            renderer.it.set_field(field);
+        let thinning = stage.hair.points.len().div_ceil(HURRY_POINTS).max(1);
+        if ready != Some(lit) {
+            let (points, reach) = lighting.rough.get_or_insert_with(|| {
+                let strands = stage.hair.strands().step_by(thinning);
+                let points: Vec<u32> = strands.flatten().map(|i| i as u32).collect();
+                let reach = body.medium.rough_reach(stage, &lighting.lit, &points);
+                (points, reach)
+            });
+            renderer.set_thinning(thinning as u32);
+            renderer.negligible = HURRY_NEGLIGIBLE;
+            renderer.lights_a_group = usize::MAX;
+            lighting.lit.show_at(renderer, points, reach);
         }
-        self.shown_field = None;
-        let Some(renderer) = self.gpu.as_mut() else { bail!("no device") };
-        let frame = renderer.it.render(&lens, 4, live_background(scene), asked)?;
-        let ms = 1e3 * begun.elapsed().as_secs_f64();
-        let strands = match stage_strands(&self.body) {
-            Some((all, thinning)) if thinning > 1 => format!(", 1 of {thinning} of {all} strands"),
-            _ => String::new(),
+        if !asked.multiple() {
+            renderer.clear_field();
+        }
+        let frame = renderer.render(&lens, 4, live_background(scene), asked)?;
+        let strands = match thinning {
+            1 => String::new(),
+            n => format!(", 1 of {n} strands"),
         };
+        self.hurry_ready = Some(lit);
+        let ms = 1e3 * begun.elapsed().as_secs_f64();
         let quality = format!("{} × {}, 4 samples{strands}", size[0], size[1]);
-        self.say_picture(wish, &frame, &lens, false, ms, quality, say)?;
+        self.say_picture(wish, &frame, &lens, How { finished: false, ms, quality }, say)?;
         let wanted = self.hurry_pixels * (HURRY_MS / ms.max(1.0)).powf(0.7);
         self.hurry_pixels = wanted.clamp(HURRY_PIXELS[0], 1e7);
         Ok(())
@@ -317,10 +332,13 @@ impl Session {
         let scene = &wish.scene;
         let asked = parts(scene.render.scattering);
         let settings = Settings::of(scene);
+        self.hurry_ready = None;
         let Some((body, renderer, lighting, _)) = self.parts() else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, wish.size)?;
         renderer.set_thinning(1);
+        renderer.negligible = settings.negligible;
+        renderer.lights_a_group = LIGHTS_A_LOOK;
         let seen = renderer.visible_points(&[lens], stage.pieces(&lens), settings.samples)?;
         if !go_on() {
             return Ok(false);
@@ -364,21 +382,19 @@ impl Session {
             settings.samples,
             frame.shaded.len()
         );
-        self.say_picture(wish, &frame, &lens, true, ms, quality, say)?;
+        self.say_picture(wish, &frame, &lens, How { finished: true, ms, quality }, say)?;
         Ok(true)
     }
 
-    #[allow(clippy::too_many_arguments)]
     fn say_picture(
         &self,
         wish: &Wish,
         frame: &Frame,
         lens: &Lens,
-        finished: bool,
-        ms: f64,
-        quality: String,
+        how: How,
         say: Say,
     ) -> Result<()> {
+        let How { finished, ms, quality } = how;
         let Some(map) = &self.map else { bail!("no light") };
         if frame.pixels.iter().flatten().any(|v| !v.is_finite()) {
             bail!(
@@ -407,11 +423,6 @@ impl Session {
 
 fn pixels([width, height]: [u32; 2]) -> f64 {
     f64::from(width) * f64::from(height)
-}
-
-fn stage_strands(body: &Option<Made<Shape, Body>>) -> Option<(usize, usize)> {
-    let stage = &body.as_ref()?.it.stage;
-    Some((stage.hair.strand_count(), stage.hair.points.len().div_ceil(HURRY_POINTS)))
 }
 
 /// The scene's camera for a picture of another size than its own.

@@ -117,9 +117,7 @@ impl Paint {
                     weight.is_finite() && value.iter().all(|v| v.is_finite()),
                     "has numbers that are not finite: paint it anew"
                 );
-                if weight > 0.0 {
-                    layer.set(point, value, weight);
-                }
+                layer.set(point, value, weight);
             }
             *paint.layer_mut(channel) = layer;
         }

@@ -122,10 +122,15 @@ impl Layer {
         let width = self.channel.width();
         let [least, most] = self.channel.range();
         let texel = &mut self.texels[point * (width + 1)..][..=width];
+        let weight = f16::from_f32(weight.clamp(0.0, 1.0));
+        if weight == f16::ZERO {
+            // What is bare has no value of its own.
+            return texel.fill(f16::ZERO);
+        }
         for (stored, value) in texel.iter_mut().zip(value).take(width) {
             *stored = f16::from_f32(value.clamp(least, most));
         }
-        texel[width] = f16::from_f32(weight.clamp(0.0, 1.0));
+        texel[width] = weight;
     }
 }
 
