@@ -8,7 +8,7 @@ use eframe::egui::{self, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use hairlight::editor::{
-    Brush, Canvas, Document, Editor, History, Mode, Places, Reach, Step, Stroke,
+    Brush, Canvas, Document, Editor, Falloff, History, Mode, Places, Reach, Step, Stroke,
 };
 use hairlight::paint::{Channel, Paint};
 use hairlight::scene::{Scene, parse_assignment};
@@ -248,6 +248,37 @@ fn what_cannot_be_opened_is_said_and_nothing_is_lost() {
     assert_eq!(picture(&window), shown, "the last good one goes on");
 }
 
+/// Paint put on the front does not come through to the back, whatever is drawn; put through, it does.
+#[test]
+fn the_brush_paints_the_front_and_no_more() {
+    let mut scene = small();
+    scene.hair.strands = 6000;
+    let stage = Geometry::load(&scene).unwrap();
+    let lens = stage.camera(&scene).unwrap().lens(stage.center, [96, 96]);
+    let places = Places::new(&stage, &lens);
+    let painted = |reach: Reach| {
+        let brush = Brush { reach, radius: 0.1, falloff: Falloff::Hard, ..Brush::default() };
+        let mut paint = Paint::bare(stage.hair.points.len());
+        let canvas = Canvas { places: &places, stage: &stage, bare: [1.0; 3] };
+        Stroke::new(&brush, stage.hair.points.len()).to([0.5, 0.3], 1.0, &canvas, &mut paint);
+        let layer = paint.layer(brush.channel).expect("paint");
+        let of = |i: usize| layer.at(i).1 > 0.0;
+        let points = (0..stage.hair.points.len()).filter(|&i| of(i));
+        let depth = |i: usize| {
+            (stage.hair.points[i] - stage.center).as_dvec3().dot(lens.forward)
+                / f64::from(stage.radius)
+        };
+        let (mut front, mut back) = (0, 0);
+        points.for_each(|i| *(if depth(i) < 0.0 { &mut front } else { &mut back }) += 1);
+        (front, back)
+    };
+    let (front, through) = (painted(Reach::Front), painted(Reach::Through));
+    println!("points before and behind the middle: front {front:?}, through {through:?}");
+    assert!(front.0 > 100 && front.1 == 0, "{front:?}");
+    // The control: there is hair behind to be painted.
+    assert!(through.1 > 100 && through.0 >= front.0, "{through:?}");
+}
+
 /// Ten thousand edits, strokes, undos and redos: what is left is what its history says, from the first step to the last.
 #[test]
 fn a_long_random_session_is_what_its_history_replays() {
@@ -269,8 +300,7 @@ fn random_session(steps: usize, most_bytes: usize, mut seed: u64) {
     let stage = Geometry::load(&scene).unwrap();
     let lens = stage.camera(&scene).unwrap().lens(stage.center, [96, 96]);
     let points = stage.hair.points.len();
-    let seen: Vec<u32> = (0..points as u32).step_by(2).collect();
-    let places = Places::new(&stage, &lens, &seen);
+    let places = Places::new(&stage, &lens);
     let mut now = (scene.clone(), Paint::bare(points));
     let mut history = History::keeping(most_bytes);
     let presets = ["black", "blond", "red", "white"];
@@ -309,7 +339,7 @@ fn random_session(steps: usize, most_bytes: usize, mut seed: u64) {
                 let mut stroke = Stroke::new(&brush, points);
                 let canvas = Canvas { places: &places, stage: &stage, bare: [1.0, 1.1, 1.2] };
                 for _ in 0..1 + number(3) {
-                    let place = [number(96) as f32, number(96) as f32];
+                    let place = [number(96) as f32 / 96.0, number(96) as f32 / 96.0];
                     stroke.to(place, 0.1 * number(11) as f32, &canvas, &mut now.1);
                 }
                 if let Some(step) = stroke.step(&now.1) {

@@ -191,7 +191,6 @@ impl Editor {
                     if number == newest {
                         self.progress = (!picture.finished).then_some(("refining", 0.0));
                     }
-                    self.places = None;
                     self.shown_of = number;
                     self.shown.put(ctx, picture);
                 }
@@ -710,10 +709,9 @@ impl Editor {
         let (Some(stage), Some(picture)) = (self.stage.clone(), &self.shown.picture) else {
             return;
         };
-        let scale = picture.size[1] as f32 / rect.height();
-        let place = ((at - rect.min) * scale).into();
-        if self.places.is_none() {
-            self.places = Some(Places::new(&stage, &picture.lens, &picture.seen));
+        let place = ((at - rect.min) / rect.height()).into();
+        if self.places.as_ref().is_none_or(|places| !places.are_through(&picture.lens)) {
+            self.places = Some(Places::new(&stage, &picture.lens));
         }
         if self.document.paint.is_none() {
             match stage.paint(&self.document.scene) {
@@ -753,13 +751,14 @@ impl Editor {
     fn eyedrop(&mut self, ctx: &egui::Context) {
         let (Some(rect), Some(at)) = (self.rect, ctx.pointer_latest_pos()) else { return };
         let (Some(stage), Some(picture)) = (&self.stage, &self.shown.picture) else { return };
-        let scale = picture.size[1] as f32 / rect.height();
-        let places =
-            self.places.get_or_insert_with(|| Places::new(stage, &picture.lens, &picture.seen));
+        let places = match self.places.take().filter(|places| places.are_through(&picture.lens)) {
+            Some(places) => self.places.insert(places),
+            None => self.places.insert(Places::new(stage, &picture.lens)),
+        };
         let channel = self.brush.channel;
         let layer = self.document.paint.as_ref().and_then(|paint| paint.layer(channel));
         let bare = bare(&self.document.scene, channel);
-        match pick(((at - rect.min) * scale).into(), 8.0 * scale, places, layer, bare) {
+        match pick(((at - rect.min) / rect.height()).into(), 0.02, places, layer, bare) {
             Some(value) => self.brush.value = value,
             None => self.say("No hair under the pointer"),
         }

@@ -1,5 +1,6 @@
 //! The brush: from a place on the screen to paint on strand points.
 
+use glam::Vec3;
 use half::f16;
 use rayon::prelude::*;
 
@@ -58,11 +59,11 @@ impl Falloff {
 /// Which points under the brush are painted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reach {
-    /// Those that the picture shows.
+    /// Those at the front of what is there.
     Front,
     /// All of them.
     Through,
-    /// Those of every strand that the picture shows under the brush, root to tip.
+    /// Those of every strand that is at the front under the brush, root to tip.
     Strands,
 }
 
@@ -112,22 +113,28 @@ impl Default for Brush {
     }
 }
 
-/// Where strand points are in a picture: x and y in pixels, y down; points behind the camera are nowhere.
+/// Where strand points are in a picture: x and y in its heights from its upper left corner, y down; points behind the
+/// camera are nowhere.
 pub struct Places {
     at: Vec<[f32; 2]>,
     mirrored: Vec<[f32; 2]>,
-    height: f32,
-    /// Whether the picture shows the point.
-    seen: Vec<bool>,
+    lens: Lens,
+    /// Whether the point lies at the front of what is there, hair or head.
+    front: Vec<bool>,
 }
 
-const NOWHERE: [f32; 2] = [f32::INFINITY; 2];
+const NOWHERE: [f32; 3] = [f32::INFINITY; 3];
+/// Cells along a picture's height in which the nearest of hair and head is looked for.
+const FRONT_CELLS: f32 = 96.0;
+/// How far behind the nearest a point still is at the front, in radii of the hair.
+const FRONT_DEPTH: f32 = 0.06;
 
 impl Places {
-    /// Of a picture through `lens`, which shows the points `seen`.
-    pub fn new(stage: &Geometry, lens: &Lens, seen: &[u32]) -> Self {
-        let [width, height] = lens.size.map(f64::from);
-        let place = |p: glam::Vec3| {
+    /// Of a picture through `lens`.
+    pub fn new(stage: &Geometry, lens: &Lens) -> Self {
+        let (width, height) = (lens.right.length() / lens.up.length(), 1.0);
+        // x, y and depth.
+        let place = |p: Vec3| {
             let to = p.as_dvec3() - lens.eye;
             let depth = to.dot(lens.forward);
             if depth <= 1e-9 {
@@ -135,15 +142,49 @@ impl Places {
             }
             let x = to.dot(lens.right) / (lens.right.length_squared() * depth);
             let y = to.dot(lens.up) / (lens.up.length_squared() * depth);
-            [(0.5 * (1.0 + x) * width) as f32, (0.5 * (1.0 - y) * height) as f32]
+            [0.5 * (1.0 + x) * width, 0.5 * (1.0 - y) * height, depth].map(|v| v as f32)
         };
         let points = &stage.hair.points;
-        let at = points.par_iter().map(|&p| place(p - stage.center)).collect();
-        let flip = glam::Vec3::new(-1.0, 1.0, 1.0);
-        let mirrored = points.par_iter().map(|&p| place(flip * (p - stage.center))).collect();
-        let mut shown = vec![false; points.len()];
-        seen.iter().for_each(|&i| shown[i as usize] = true);
-        Self { at, mirrored, height: height as f32, seen: shown }
+        let seen_at = |sign: Vec3| -> Vec<[f32; 3]> {
+            points.par_iter().map(|&p| place(sign * (p - stage.center))).collect()
+        };
+        let (at, mirrored) = (seen_at(Vec3::ONE), seen_at(Vec3::new(-1.0, 1.0, 1.0)));
+        let cell = (height as f32 / FRONT_CELLS).max(1e-3);
+        let columns = (width as f32 / cell).ceil() as usize + 1;
+        let rows = FRONT_CELLS as usize + 1;
+        let cell_of = |[x, y, _]: [f32; 3]| {
+            let inside = x >= 0.0 && y >= 0.0 && x <= width as f32 && y <= height as f32;
+            inside.then(|| ((y / cell) as usize).min(rows - 1) * columns + (x / cell) as usize)
+        };
+        let mut nearest = vec![f32::INFINITY; columns * rows];
+        let head = stage.head.iter().flat_map(|head| &head.positions);
+        let of_head = head.map(|&p| place(p - stage.center));
+        for p in at.iter().copied().chain(of_head) {
+            if let Some(i) = cell_of(p) {
+                nearest[i] = nearest[i].min(p[2]);
+            }
+        }
+        let behind = FRONT_DEPTH * stage.radius;
+        let front = at.iter().map(|&p| {
+            cell_of(p).is_some_and(|i| {
+                // Of the cells beside it too: hair has gaps.
+                let (x, y) = (i % columns, i / columns);
+                let beside = (y.saturating_sub(1)..=(y + 1).min(rows - 1)).flat_map(|y| {
+                    (x.saturating_sub(1)..=(x + 1).min(columns - 1)).map(move |x| y * columns + x)
+                });
+                let near = |i: &usize| nearest[*i] < p[2] - behind;
+                // A front that most cells around have hides what is behind it.
+                p[2] <= nearest[i] + behind && beside.filter(near).count() < 6
+            })
+        });
+        let front = front.collect();
+        let flat = |places: Vec<[f32; 3]>| places.into_iter().map(|[x, y, _]| [x, y]).collect();
+        Self { front, at: flat(at), mirrored: flat(mirrored), lens: *lens }
+    }
+
+    /// Whether they are those of a picture through `lens`, whatever its size.
+    pub fn are_through(&self, lens: &Lens) -> bool {
+        (self.lens.eye, self.lens.forward, self.lens.up) == (lens.eye, lens.forward, lens.up)
     }
 }
 
@@ -175,7 +216,7 @@ impl Stroke {
         }
     }
 
-    /// Goes on to a place in the picture (pixels), with `pressure` 0 to 1; whether anything was painted.
+    /// Goes on to a place (see [`Places`]), with `pressure` 0 to 1; whether anything was painted.
     pub fn to(
         &mut self,
         place: [f32; 2],
@@ -183,7 +224,7 @@ impl Stroke {
         canvas: &Canvas,
         paint: &mut Paint,
     ) -> bool {
-        let step = (self.brush.spacing * self.brush.radius * canvas.places.height).max(0.5);
+        let step = (self.brush.spacing * self.brush.radius).max(1e-3);
         let from = self.last.unwrap_or(place);
         let way = [place[0] - from[0], place[1] - from[1]];
         let length = way[0].hypot(way[1]);
@@ -204,7 +245,7 @@ impl Stroke {
     fn dab(&mut self, at: [f32; 2], pressure: f32, canvas: &Canvas, paint: &mut Paint) -> bool {
         let &Canvas { places, stage, bare } = canvas;
         let brush = &self.brush;
-        let radius = brush.radius * places.height;
+        let radius = brush.radius;
         let share = |p: &[f32; 2]| {
             let distance = (p[0] - at[0]).hypot(p[1] - at[1]) / radius;
             if distance < 1.0 { brush.falloff.at(distance) } else { 0.0 }
@@ -213,7 +254,7 @@ impl Stroke {
             let own = share(&places.at[i]);
             if brush.mirror { own.max(share(&places.mirrored[i])) } else { own }
         };
-        let shown = |i: usize| brush.reach == Reach::Through || places.seen[i] || brush.mirror;
+        let shown = |i: usize| brush.reach == Reach::Through || places.front[i] || brush.mirror;
         let mut touched: Vec<(usize, f32)> = (0..places.at.len())
             .into_par_iter()
             .filter_map(|i| Some((i, of(i))).filter(|&(i, share)| share > 0.0 && shown(i)))
@@ -330,7 +371,7 @@ fn along_strands(stage: &Geometry, touched: &mut [(usize, f32)], [root, tip]: [f
     }
 }
 
-/// The value that shows at the point nearest to a place, within a radius (pixels).
+/// The value that shows at the point nearest to a place, within a radius (see [`Places`]).
 pub fn pick(
     place: [f32; 2],
     radius: f32,
@@ -342,8 +383,8 @@ pub fn pick(
         let p = places.at[*i];
         (p[0] - place[0]).hypot(p[1] - place[1])
     };
-    let seen = (0..places.at.len()).filter(|&i| places.seen[i]);
-    let nearest = seen.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|i| away(i) <= radius)?;
+    let front = (0..places.at.len()).filter(|&i| places.front[i]);
+    let nearest = front.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|i| away(i) <= radius)?;
     let (value, weight) = layer.map_or(([0.0; 3], 0.0), |layer| layer.at(nearest));
     Some([0, 1, 2].map(|k| bare[k] + weight * (value[k] - bare[k])))
 }

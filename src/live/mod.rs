@@ -59,8 +59,6 @@ pub struct Picture {
     pub quality: String,
     /// Of the scene's camera, relative to the hair's centre: for what is to be put over the picture.
     pub lens: crate::scene::Lens,
-    /// Strand points that it shows.
-    pub seen: Arc<Vec<u32>>,
 }
 
 /// What a session tells while it works.

@@ -406,8 +406,7 @@ impl Session {
         let scale = exposure_scale(scene, &map.it.environment) * gain;
         let rgba = display_bytes(&frame.pixels, scale);
         let lens = Lens { size: frame.size, ..*lens };
-        let seen = Arc::new(frame.shaded.clone());
-        say(Said::Picture(Picture { size: frame.size, rgba, finished, ms, quality, lens, seen }));
+        say(Said::Picture(Picture { size: frame.size, rgba, finished, ms, quality, lens }));
         Ok(())
     }
 
