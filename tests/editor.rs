@@ -145,7 +145,7 @@ fn a_stroke_is_painted_undone_redone_saved_and_captured() {
     let (_, far) = apart(&painted, &bare);
     println!("a stroke changes {far:.3} of the picture");
     assert!(far > 0.02);
-    window.get_by_label("set absorption");
+    window.get_by_label("set colour");
     look(&mut window, "painted.png");
 
     key(&mut window, Modifiers::COMMAND, Key::Z);

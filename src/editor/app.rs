@@ -530,8 +530,7 @@ impl Editor {
         let before = brush.channel;
         ui.label("What to paint");
         for channel in Channel::ALL {
-            let word = if channel == Channel::Absorption { "colour" } else { channel.word() };
-            ui.radio_value(&mut brush.channel, channel, word);
+            ui.radio_value(&mut brush.channel, channel, channel.name());
         }
         if brush.channel != before {
             brush.value = bare(&self.document.scene, brush.channel);

@@ -321,7 +321,7 @@ impl Stroke {
         let touched = self.before.iter().enumerate().filter(|(_, texel)| !texel[3].is_nan());
         let before: Texels = touched.map(|(i, texel)| (i as u32, *texel)).collect();
         let after = before.iter().map(|&(i, _)| (i, layer.texel(i as usize))).collect();
-        let label = format!("{} {}", mode.word().to_lowercase(), channel.word());
+        let label = format!("{} {}", mode.word().to_lowercase(), channel.name());
         (!before.is_empty()).then_some(super::history::Step::Stroke {
             label,
             channel,

@@ -100,8 +100,10 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
             let response = if max - min > 5e3 {
                 ui.add(DragValue::new(&mut y).range(min..=max).speed(0.01 * x.abs().max(0.01)))
             } else {
-                let wide = min > 0.0 && max / min > 50.0;
-                ui.add(Slider::new(&mut y, min..=max).suffix(suffix).logarithmic(wide))
+                // From 0 on, hundredths are the least that counts.
+                let wide = min >= 0.0 && max / min.max(0.01) > 200.0;
+                let slider = Slider::new(&mut y, min..=max).suffix(suffix).logarithmic(wide);
+                ui.add(slider.smallest_positive(0.01))
             };
             if response.changed() {
                 *next = Some(Value::Number(y));

@@ -46,6 +46,15 @@ impl Channel {
         ["absorption", "roughness", "tilt", "eta", "eccentricity"][self as usize]
     }
 
+    /// What it is called by those who paint.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Absorption => "colour",
+            Self::Eta => "index of refraction",
+            other => other.word(),
+        }
+    }
+
     /// Numbers of a value.
     pub const fn width(self) -> usize {
         match self {
