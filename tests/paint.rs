@@ -40,13 +40,7 @@ fn scene(settings: &[&str]) -> Scene {
 /// What paints a whole channel as the fibre has it.
 fn cover(paint: &mut Paint, channel: Channel, fibre: &Fibre, points: impl Iterator<Item = usize>) {
     let layer = paint.layer_mut(channel);
-    let value = match channel {
-        Channel::Absorption => fibre.sigma_a.map(|s| s.sqrt() as f32),
-        Channel::Roughness => [fibre.beta[0].to_degrees() as f32, 0.0, 0.0],
-        Channel::Tilt => [fibre.alpha[0].to_degrees() as f32, 0.0, 0.0],
-        Channel::Eta => [fibre.eta as f32, 0.0, 0.0],
-        Channel::Eccentricity => [fibre.eccentricity as f32, 0.0, 0.0],
-    };
+    let value = channel.of(fibre);
     points.for_each(|point| layer.set(point, value, 1.0));
 }
 
@@ -148,7 +142,7 @@ fn the_shader_unpacks_the_fibre_of_a_point() {
             &Fibre { eccentricity: 2.0, ..*fibres.base() },
             0..1,
         );
-        fibres.repaint(&paint, []);
+        fibres.repaint(&paint);
         let method = MethodData::of(fibres.clone(), Model::Marschner, 2);
         let run = |statement: &str| probe::run(&gpu, statement, &method, &inputs).unwrap();
         let lobes = run("let f = painted_fibre(fibre, x[0], x[1]);
@@ -189,29 +183,34 @@ const TWO: [(&str, &[Channel], &[&str]); 3] = [
     ),
 ];
 
+/// Makes a picture of hair of a fibre of [`TWO`], of other hair painted all over with it, and of that hair bare: how
+/// far the painted and the bare are from the first.
+fn painted_and_bare(
+    folder: &Path,
+    (name, channels, settings): (&str, &[Channel], &[&str]),
+    make: impl Fn(&[&str]),
+    own_arguments: &[&str],
+) -> [(f64, f64); 2] {
+    write_cover(&folder.join("all.paint"), &scene(settings), channels);
+    // What is painted is taken back from the scene.
+    let base = if name == "colour" { "fibre.eumelanin=8" } else { "fibre.preset=blond" };
+    let own: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
+    make(&[&own, own_arguments, &["-o", "own.exr"]].concat());
+    make(&["--set", base, "--paint", "all.paint", "-o", "painted.exr"]);
+    make(&["--set", base, "-o", "bare.exr"]);
+    ["painted.exr", "bare.exr"].map(|picture| apart(folder, picture, "own.exr"))
+}
+
 #[test]
 fn hair_painted_all_over_is_hair_of_that_fibre() {
     let folder = tempdir().unwrap();
-    let path = folder.path();
-    for (name, channels, settings) in TWO {
-        let other = scene(settings);
-        write_cover(&path.join("all.paint"), &other, channels);
-        let set: Vec<String> =
-            settings.iter().flat_map(|s| ["--set".to_owned(), (*s).to_owned()]).collect();
-        let set: Vec<&str> = set.iter().map(String::as_str).collect();
-        // What is painted is taken back from the scene.
-        let base = if name == "colour" { "fibre.eumelanin=8" } else { "fibre.preset=blond" };
+    for of in TWO {
+        let name = of.0;
         for bcsdf in ["marschner", "deon"].into_iter().take(1 + usize::from(name == "lobes")) {
-            let look = [&LOOK[..], &["--bcsdf", bcsdf]].concat();
-            captured(path, &[&look[..], &set, &["-o", "own.exr"]].concat());
-            captured(
-                path,
-                &[&look[..], &["--set", base, "--paint", "all.paint", "-o", "painted.exr"]]
-                    .concat(),
-            );
-            captured(path, &[&look[..], &["--set", base, "-o", "bare.exr"]].concat());
-            let (painted, bare) =
-                (apart(path, "painted.exr", "own.exr"), apart(path, "bare.exr", "own.exr"));
+            let make = |more: &[&str]| {
+                captured(folder.path(), &[&LOOK[..], &["--bcsdf", bcsdf], more].concat());
+            };
+            let [painted, bare] = painted_and_bare(folder.path(), of, make, &[]);
             println!("{name}, {bcsdf}: painted {painted:.4?}, bare {bare:.4?}");
             assert!(painted.0 < 0.01, "{name}, {bcsdf}: {painted:?}");
             // The control.
@@ -236,25 +235,12 @@ const TRACED: [&str; 7] =
 #[test]
 fn paths_through_painted_hair_are_those_of_its_fibre() {
     let folder = tempdir().unwrap();
-    let path = folder.path();
-    for (name, channels, settings) in TWO {
-        let other = scene(settings);
-        write_cover(&path.join("all.paint"), &other, channels);
-        let set: Vec<String> =
-            settings.iter().flat_map(|s| ["--set".to_owned(), (*s).to_owned()]).collect();
-        let set: Vec<&str> = set.iter().map(String::as_str).collect();
-        let base = if name == "colour" { "fibre.eumelanin=8" } else { "fibre.preset=blond" };
+    for of in TWO {
+        let name = of.0;
         for bcsdf in ["marschner", "deon"] {
             let look = [&TRACED[..], &["--bcsdf", bcsdf, "--spp", "128"]].concat();
-            referenced(path, &[&look[..], &set, &["--rng-seed", "1", "-o", "own.exr"]].concat());
-            referenced(
-                path,
-                &[&look[..], &["--set", base, "--paint", "all.paint", "-o", "painted.exr"]]
-                    .concat(),
-            );
-            referenced(path, &[&look[..], &["--set", base, "-o", "bare.exr"]].concat());
-            let (painted, bare) =
-                (apart(path, "painted.exr", "own.exr"), apart(path, "bare.exr", "own.exr"));
+            let make = |more: &[&str]| referenced(folder.path(), &[&look[..], more].concat());
+            let [painted, bare] = painted_and_bare(folder.path(), of, make, &["--rng-seed", "1"]);
             println!("{name}, {bcsdf}: mean ratio painted {:.4}, bare {:.4}", painted.1, bare.1);
             assert!((painted.1 - 1.0).abs() < 0.015, "{name}, {bcsdf}: {painted:?}");
             // The control.
@@ -338,7 +324,7 @@ fn by_hand_cost_of_paint() {
             }
         }
         if !channels.is_empty() {
-            fibres.repaint(&paint, []);
+            fibres.repaint(&paint);
         }
         (fibres, 1e3 * begun.elapsed().as_secs_f64())
     };

@@ -271,13 +271,9 @@ impl Stroke {
             return false;
         }
         let layer = paint.layer_mut(brush.channel);
-        let shown = |layer: &Layer, i: usize| {
-            let (value, weight) = layer.at(i);
-            [0, 1, 2].map(|k| bare[k] + weight * (value[k] - bare[k]))
-        };
         let mean = {
             let sum = touched.iter().fold([0.0f32; 4], |sum, &(i, share)| {
-                let v = shown(layer, i);
+                let v = layer.over(i, bare);
                 [0, 1, 2, 3].map(|k| sum[k] + share * if k < 3 { v[k] } else { 1.0 })
             });
             [0, 1, 2].map(|k| sum[k] / sum[3].max(f32::MIN_POSITIVE))
@@ -385,6 +381,5 @@ pub fn pick(
     };
     let front = (0..places.at.len()).filter(|&i| places.front[i]);
     let nearest = front.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|i| away(i) <= radius)?;
-    let (value, weight) = layer.map_or(([0.0; 3], 0.0), |layer| layer.at(nearest));
-    Some([0, 1, 2].map(|k| bare[k] + weight * (value[k] - bare[k])))
+    Some(layer.map_or(bare, |layer| layer.over(nearest, bare)))
 }

@@ -139,37 +139,15 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
             }
             response
         }
-        (Kind::Vector { min, max }, Value::List(xs)) => {
-            let mut ys = xs.clone();
-            let inner = ui.horizontal(|ui| {
-                let mut all: Option<egui::Response> = None;
-                // From right to left.
-                for y in ys.iter_mut().rev() {
-                    let speed = 0.01 * y.abs().max(0.1);
-                    let one = ui.add(DragValue::new(y).range(min..=max).speed(speed));
-                    all = Some(all.map_or(one.clone(), |all| all | one));
-                }
-                all
-            });
-            let response = inner.inner.unwrap_or(inner.response);
-            if response.changed() {
-                *next = Some(Value::List(ys));
-            }
-            response
-        }
+        (Kind::Vector { min, max }, Value::List(xs)) => numbers(ui, xs, next, |y| {
+            let speed = 0.01 * y.abs().max(0.1);
+            DragValue::new(y).range(min..=max).speed(speed)
+        }),
         (Kind::Size { min, max }, Value::List(xs)) => {
-            let mut ys = xs.clone();
-            let inner = ui.horizontal(|ui| {
-                let mut all: Option<egui::Response> = None;
-                for y in ys.iter_mut().rev() {
-                    let one = ui.add(DragValue::new(y).range(min..=max).fixed_decimals(0));
-                    all = Some(all.map_or(one.clone(), |all| all | one));
-                }
-                all
-            });
-            let response = inner.inner.unwrap_or(inner.response);
-            if response.changed() {
-                *next = Some(Value::List(ys.iter().map(|y| y.round()).collect()));
+            let response =
+                numbers(ui, xs, next, |y| DragValue::new(y).range(min..=max).fixed_decimals(0));
+            if let Some(Value::List(ys)) = next.as_mut().filter(|_| response.changed()) {
+                ys.iter_mut().for_each(|y| *y = y.round());
             }
             response
         }
@@ -179,6 +157,25 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
         (_, Value::Text(text)) => typed(ui, field, text, next),
         _ => ui.label("–"),
     }
+}
+
+/// Numbers in a row, each to be dragged.
+fn numbers(
+    ui: &mut Ui,
+    xs: &[f64],
+    next: &mut Option<Value>,
+    widget: impl Fn(&mut f64) -> DragValue<'_>,
+) -> egui::Response {
+    let mut ys = xs.to_vec();
+    let inner = ui.horizontal(|ui| {
+        // From right to left.
+        ys.iter_mut().rev().map(|y| ui.add(widget(y))).reduce(|all, one| all | one)
+    });
+    let response = inner.inner.unwrap_or(inner.response);
+    if response.changed() {
+        *next = Some(Value::List(ys));
+    }
+    response
 }
 
 /// What a field that is left to the program gets once it is not.

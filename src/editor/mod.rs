@@ -5,7 +5,7 @@
 //! - `brush`: from a place on the screen to paint on strands.
 //! - `viewport`: the picture, the camera and the brush over it.
 //! - `fields`: the widgets of the scene's table of fields; nothing here names a range.
-//! - `app`: what holds them together: a frame of the interface.
+//! - `app`: what holds them together: a frame of the interface, its sections a file each.
 
 mod app;
 mod brush;

@@ -449,8 +449,13 @@ impl Renderer {
             }
         }
         self.environment = environment_texture(&self.gpu, width as u32, height as u32, &texels);
-        self.environment_rotation_rad = rotation_rad;
+        self.turn_environment(rotation_rad);
         self.environment_scale = scale;
+    }
+
+    /// Turns the map that is set.
+    pub fn turn_environment(&mut self, rotation_rad: f32) {
+        self.environment_rotation_rad = rotation_rad;
     }
 
     /// Renders a frame with at least `samples` samples a pixel (a multiple of four is taken).
@@ -918,20 +923,7 @@ fn environment_texture(
     height: u32,
     texels: &[[f32; 4]],
 ) -> wgpu::TextureView {
-    let texture = gpu.device.create_texture_with_data(
-        &gpu.queue,
-        &wgpu::TextureDescriptor {
-            label: Some("environment"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba32Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        },
-        wgpu::util::TextureDataOrder::LayerMajor,
-        bytemuck::cast_slice(texels),
-    );
-    texture.create_view(&Default::default())
+    let (size, texels) = ([width, height, 1], bytemuck::cast_slice(texels));
+    let format = wgpu::TextureFormat::Rgba32Float;
+    texture_of(gpu, "environment", size, wgpu::TextureDimension::D2, format, texels)
 }

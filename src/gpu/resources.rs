@@ -103,14 +103,15 @@ pub(super) fn texture(binding: u32, view: &wgpu::TextureView) -> wgpu::BindGroup
     wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) }
 }
 
-/// A texture of halves (16-bit floats) that is read between its texels, never beyond its edge.
-pub(super) fn volume_texture(
+/// A texture with its texels, to be read by shaders.
+pub(super) fn texture_of(
     gpu: &Gpu,
     label: &str,
-    size: [usize; 3],
-    texels: &[[u16; 4]],
+    [width, height, depth_or_array_layers]: [u32; 3],
+    dimension: wgpu::TextureDimension,
+    format: wgpu::TextureFormat,
+    texels: &[u8],
 ) -> wgpu::TextureView {
-    let [width, height, depth_or_array_layers] = size.map(|n| n as u32);
     let texture = gpu.device.create_texture_with_data(
         &gpu.queue,
         &wgpu::TextureDescriptor {
@@ -118,15 +119,27 @@ pub(super) fn volume_texture(
             size: wgpu::Extent3d { width, height, depth_or_array_layers },
             mip_level_count: 1,
             sample_count: 1,
-            dimension: wgpu::TextureDimension::D3,
-            format: wgpu::TextureFormat::Rgba16Float,
+            dimension,
+            format,
             usage: wgpu::TextureUsages::TEXTURE_BINDING,
             view_formats: &[],
         },
         wgpu::util::TextureDataOrder::LayerMajor,
-        bytemuck::cast_slice(texels),
+        texels,
     );
     texture.create_view(&Default::default())
+}
+
+/// A texture of halves (16-bit floats) that is read between its texels, never beyond its edge.
+pub(super) fn volume_texture(
+    gpu: &Gpu,
+    label: &str,
+    size: [usize; 3],
+    texels: &[[u16; 4]],
+) -> wgpu::TextureView {
+    let (size, texels) = (size.map(|n| n as u32), bytemuck::cast_slice(texels));
+    let format = wgpu::TextureFormat::Rgba16Float;
+    texture_of(gpu, label, size, wgpu::TextureDimension::D3, format, texels)
 }
 
 /// Points in a row of a texture that holds something of each.
@@ -138,26 +151,9 @@ pub(super) fn point_texture(gpu: &Gpu, points: &[PointFibre]) -> wgpu::TextureVi
     let height = points.len().div_ceil(width).max(1);
     let mut texels = points.to_vec();
     texels.resize(width * height, PointFibre::zeroed());
-    let texture = gpu.device.create_texture_with_data(
-        &gpu.queue,
-        &wgpu::TextureDescriptor {
-            label: Some("painted"),
-            size: wgpu::Extent3d {
-                width: width as u32,
-                height: height as u32,
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba32Uint,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        },
-        wgpu::util::TextureDataOrder::LayerMajor,
-        bytemuck::cast_slice(&texels),
-    );
-    texture.create_view(&Default::default())
+    let size = [width as u32, height as u32, 1];
+    let (format, texels) = (wgpu::TextureFormat::Rgba32Uint, bytemuck::cast_slice(&texels));
+    texture_of(gpu, "painted", size, wgpu::TextureDimension::D2, format, texels)
 }
 
 pub(super) fn linear_sampler(device: &wgpu::Device) -> wgpu::Sampler {

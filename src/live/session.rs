@@ -171,16 +171,13 @@ impl Session {
         stage.notes.iter().for_each(|line| say(Said::Note(line.clone())));
         let medium = Medium::new(&stage, &Detail::USUAL);
         let coarse = medium.with_cells(&stage, HURRY_CELLS);
+        // Another method is set before anything is shown.
+        let even = Fibres::even(&scene.fibre.resolve());
+        let method = MethodData::new(scene.fibre.model, even, &scene.render)?;
         let gpu = match self.gpu.take() {
             Some(made) if has_gpu => made.it.gpu,
             _ => Gpu::new(adapter)?,
         };
-        // Another method is set before anything is shown.
-        let method = MethodData::new(
-            scene.fibre.model,
-            Fibres::even(&scene.fibre.resolve()),
-            &scene.render,
-        )?;
         let renderer = Renderer::new(gpu, &method, &stage)?;
         self.gpu = Some(Made { from: adapter.clone(), it: renderer });
         say(Said::Geometry(stage.clone()));
@@ -279,8 +276,8 @@ impl Session {
             it: Lighting { lit, coarse: hurry, known: HashSet::new(), rough: None },
         });
         self.lit += 1;
-        if turned {
-            self.set_map(scene);
+        if let Some(renderer) = self.gpu.as_mut().filter(|_| turned) {
+            renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
         }
         Ok(())
     }

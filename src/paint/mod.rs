@@ -41,17 +41,20 @@ impl Channel {
     pub const ALL: [Self; 5] =
         [Self::Absorption, Self::Roughness, Self::Tilt, Self::Eta, Self::Eccentricity];
 
-    /// Word in files.
-    pub fn word(self) -> &'static str {
-        ["absorption", "roughness", "tilt", "eta", "eccentricity"][self as usize]
-    }
-
     /// What it is called by those who paint.
     pub fn name(self) -> &'static str {
+        ["colour", "roughness", "tilt", "index of refraction", "eccentricity"][self as usize]
+    }
+
+    /// What a fibre has of it; of a channel of one number the others are 0.
+    pub fn of(self, fibre: &Fibre) -> [f32; 3] {
+        let one = |x: f64| [x as f32, 0.0, 0.0];
         match self {
-            Self::Absorption => "colour",
-            Self::Eta => "index of refraction",
-            other => other.word(),
+            Self::Absorption => fibre.sigma_a.map(|s| s.sqrt() as f32),
+            Self::Roughness => one(fibre.beta[0].to_degrees()),
+            Self::Tilt => one(fibre.alpha[0].to_degrees()),
+            Self::Eta => one(fibre.eta),
+            Self::Eccentricity => one(fibre.eccentricity),
         }
     }
 
@@ -105,6 +108,12 @@ impl Layer {
         let texel = &self.texels[point * (width + 1)..][..=width];
         let value = std::array::from_fn(|k| if k < width { texel[k].to_f32() } else { 0.0 });
         (value, texel[width].to_f32())
+    }
+
+    /// What shows at a point: the value over `bare`, by its weight.
+    pub fn over(&self, point: usize, bare: [f32; 3]) -> [f32; 3] {
+        let (value, weight) = self.at(point);
+        [0, 1, 2].map(|k| bare[k] + weight * (value[k] - bare[k]))
     }
 
     /// Value and weight of a point as they are kept.
@@ -249,22 +258,16 @@ impl Fibres {
     pub fn new(spec: &FibreSpec, paint: Option<&Paint>) -> Self {
         let mut fibres = Self { links: spec.links(), ..Self::even(&spec.resolve()) };
         if let Some(paint) = paint.filter(|paint| !paint.layers.is_empty()) {
-            fibres.repaint(paint, []);
+            fibres.repaint(paint);
         }
         fibres
     }
 
-    /// Makes some points anew after they were painted; every point where nothing had been painted before.
-    pub fn repaint(&mut self, paint: &Paint, points: impl IntoIterator<Item = usize>) {
-        let bare = self.bare();
-        if self.points.is_empty() {
-            self.points =
-                (0..paint.points).into_par_iter().map(|i| under_paint(bare, paint, i)).collect();
-            return;
-        }
-        for point in points {
-            self.points[point] = under_paint(bare, paint, point);
-        }
+    /// Puts paint over the scene's own at every point.
+    pub fn repaint(&mut self, paint: &Paint) {
+        let base = &self.base;
+        let points = (0..paint.points).into_par_iter();
+        self.points = points.map(|point| under_paint(base, paint, point)).collect();
     }
 
     /// The scene's own.
@@ -328,23 +331,15 @@ impl Fibres {
         let step = self.points.len().div_ceil(most.max(1)).max(1);
         self.points.iter().step_by(step).map(|&point| self.fibre(point)).collect()
     }
-
-    fn bare(&self) -> [f32; 8] {
-        let Fibre { sigma_a: [r, g, b], eta, eccentricity, alpha, beta, .. } = self.base;
-        let [r, g, b] = [r, g, b].map(f64::sqrt);
-        let [beta_r, alpha_r] = [beta[0], alpha[0]].map(f64::to_degrees);
-        [r, g, b, beta_r, alpha_r, eta, eccentricity, 0.0].map(|v| v as f32)
-    }
 }
 
-fn under_paint(bare: [f32; 8], paint: &Paint, point: usize) -> PointFibre {
-    let mut values = bare;
-    for layer in &paint.layers {
-        let (value, weight) = layer.at(point);
-        let first = layer.channel.first();
-        for (k, value) in value.into_iter().take(layer.channel.width()).enumerate() {
-            values[first + k] += weight * (value - values[first + k]);
-        }
+fn under_paint(base: &Fibre, paint: &Paint, point: usize) -> PointFibre {
+    let mut numbers = Numbers::default();
+    for channel in Channel::ALL {
+        let own = channel.of(base);
+        let shown = paint.layer(channel).map_or(own, |layer| layer.over(point, own));
+        let first = channel.first();
+        numbers[first..first + channel.width()].copy_from_slice(&shown[..channel.width()]);
     }
-    PointFibre(values.map(f16::from_f32))
+    PointFibre::from_f32(numbers)
 }

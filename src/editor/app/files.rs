@@ -1,0 +1,257 @@
+//! Files of the editor: what is opened, saved and asked for.
+
+use std::path::{Path, PathBuf};
+
+use eframe::egui::{self, Key, Ui};
+
+use super::{Editor, History, SHORTCUTS};
+use crate::editor::document::{Document, put_file};
+use crate::scene::Scene;
+
+/// A path that is asked for.
+struct Prompt {
+    kind: PromptKind,
+    path: String,
+    /// From the desktop's own dialog, on a thread.
+    chosen: Option<std::sync::mpsc::Receiver<Option<PathBuf>>>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum PromptKind {
+    Open,
+    Save,
+    Picture,
+}
+
+/// What is asked before unsaved work would be lost.
+#[derive(Clone, PartialEq)]
+pub(super) enum Leaving {
+    Close,
+    Open(PathBuf),
+    New,
+}
+
+/// What is asked of the user.
+#[derive(Default)]
+pub(super) struct Files {
+    prompt: Option<Prompt>,
+    leaving: Option<Leaving>,
+    /// The close was allowed.
+    may_close: bool,
+}
+
+impl Files {
+    /// Asks nothing any more.
+    pub(super) fn give_up(&mut self) {
+        (self.prompt, self.leaving) = (None, None);
+    }
+}
+
+impl Editor {
+    pub(super) fn ask_path(&mut self, kind: PromptKind) {
+        let path = match kind {
+            PromptKind::Open => String::new(),
+            PromptKind::Save => {
+                let path = self.document.path.clone();
+                path.unwrap_or_else(|| "scene.toml".into()).to_string_lossy().into_owned()
+            }
+            PromptKind::Picture => self.document.scene.output.path.clone(),
+        };
+        self.files.prompt = Some(Prompt { kind, path, chosen: None });
+    }
+
+    pub(super) fn save(&mut self) {
+        match self.document.path.clone() {
+            Some(path) => self.save_to(&path),
+            None => self.ask_path(PromptKind::Save),
+        }
+    }
+
+    pub(super) fn save_to(&mut self, path: &Path) {
+        let hair = self.stage.as_ref().map(|stage| &stage.hair);
+        match self.document.save(path, hair) {
+            Ok(()) => {
+                self.settled = self.document.scene.clone();
+                self.say(format!("Saved {}", path.display()));
+            }
+            Err(error) => self.fail(&error),
+        }
+    }
+
+    pub(super) fn save_picture(&mut self, path: &Path) {
+        let Some(picture) = self.shown.picture.as_ref().filter(|_| self.finished()) else {
+            return self.say("The picture is still being refined: save it in a moment");
+        };
+        match crate::image::write_png_rgba(path, picture.size, &picture.rgba) {
+            Ok(()) => self.say(format!("Saved {}", path.display())),
+            Err(error) => self.fail(&error),
+        }
+    }
+
+    /// Opens a scene, or takes a hair, head or map into this one.
+    pub fn open(&mut self, path: &Path) {
+        match put_file(&mut self.document.scene, path) {
+            Ok(true) => self.say(format!("Took {}", path.display())),
+            Ok(false) => self.leave(Leaving::Open(path.to_owned())),
+            Err(error) => self.fail(&error),
+        }
+    }
+
+    pub(super) fn leave(&mut self, leaving: Leaving) {
+        if self.document.changed() {
+            self.files.leaving = Some(leaving);
+        } else {
+            self.left(leaving);
+        }
+    }
+
+    /// Goes, whatever is not saved.
+    pub(super) fn left(&mut self, leaving: Leaving) {
+        let document = match leaving {
+            Leaving::Close => {
+                self.files.may_close = true;
+                return;
+            }
+            Leaving::New => Ok(Document::new(Scene::default(), None)),
+            Leaving::Open(path) => Document::open(&path),
+        };
+        match document {
+            Ok(document) => {
+                self.settled = document.scene.clone();
+                self.document = document;
+                self.history = History::default();
+                self.message = None;
+            }
+            Err(error) => self.fail(&error),
+        }
+    }
+
+    pub(super) fn dropped(&mut self, ctx: &egui::Context) {
+        let files = ctx.input(|i| i.raw.dropped_files.clone());
+        for path in files.into_iter().map(|file| file.path().to_owned()) {
+            if !path.as_os_str().is_empty() {
+                self.open(&path);
+            }
+        }
+    }
+
+    pub(super) fn windows(&mut self, ui: &mut Ui) {
+        let ctx = ui.ctx().clone();
+        if ctx.input(|i| i.viewport().close_requested()) && !self.files.may_close {
+            self.leave(Leaving::Close);
+            if !self.files.may_close {
+                ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
+            }
+        }
+        egui::Window::new("Shortcuts").open(&mut self.shortcuts).resizable(false).show(
+            &ctx,
+            |ui| {
+                egui::Grid::new("shortcuts").num_columns(2).striped(true).show(ui, |ui| {
+                    for (keys, what) in SHORTCUTS {
+                        ui.strong(keys);
+                        ui.label(what);
+                        ui.end_row();
+                    }
+                });
+            },
+        );
+        self.leaving_window(&ctx);
+        self.prompt_window(&ctx);
+    }
+
+    pub(super) fn leaving_window(&mut self, ctx: &egui::Context) {
+        let Some(leaving) = self.files.leaving.clone() else { return };
+        let mut chosen = None;
+        egui::Modal::new(egui::Id::unique("leaving")).show(ctx, |ui| {
+            ui.label("What was changed is not saved.");
+            ui.horizontal(|ui| {
+                if ui.button("Save").clicked() {
+                    chosen = Some(true);
+                }
+                if ui.button("Throw away").clicked() {
+                    chosen = Some(false);
+                }
+                if ui.button("Cancel").clicked() {
+                    self.files.leaving = None;
+                }
+            });
+        });
+        let Some(save) = chosen else { return };
+        self.files.leaving = None;
+        if save {
+            self.save();
+            if self.document.changed() {
+                return;
+            }
+        }
+        let close = leaving == Leaving::Close;
+        self.left(leaving);
+        if close {
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+    }
+
+    pub(super) fn prompt_window(&mut self, ctx: &egui::Context) {
+        let Some(mut prompt) = self.files.prompt.take() else { return };
+        let title = match prompt.kind {
+            PromptKind::Open => "Open a scene, hair, head or map",
+            PromptKind::Save => "Save the scene as",
+            PromptKind::Picture => "Save the picture as",
+        };
+        if let Some(Ok(chosen)) = prompt.chosen.as_ref().map(|chosen| chosen.try_recv()) {
+            prompt.chosen = None;
+            if let Some(path) = chosen {
+                prompt.path = path.to_string_lossy().into_owned();
+            }
+        }
+        let (mut done, mut given_up) = (false, false);
+        egui::Modal::new(egui::Id::unique("path")).show(ctx, |ui| {
+            ui.label(title);
+            ui.horizontal(|ui| {
+                let label = ui.label("Path");
+                let edit = egui::TextEdit::singleline(&mut prompt.path).desired_width(360.0);
+                let edit = ui.add(edit).labelled_by(label.id);
+                if edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter)) {
+                    done = true;
+                }
+                if ui.add_enabled(prompt.chosen.is_none(), egui::Button::new("Browse…")).clicked()
+                {
+                    prompt.chosen = Some(browse(prompt.kind, ctx.clone()));
+                }
+            });
+            ui.horizontal(|ui| {
+                let word = if prompt.kind == PromptKind::Open { "Open" } else { "Save" };
+                done |= ui.button(word).clicked();
+                given_up = ui.button("Cancel").clicked();
+            });
+        });
+        if done && !prompt.path.is_empty() {
+            let path = PathBuf::from(&prompt.path);
+            match prompt.kind {
+                PromptKind::Open => self.open(&path),
+                PromptKind::Save => self.save_to(&path),
+                PromptKind::Picture => self.save_picture(&path),
+            }
+        } else if !given_up {
+            self.files.prompt = Some(prompt);
+        }
+    }
+}
+
+/// The desktop's own dialog, on a thread; nothing comes of it where there is no desktop.
+fn browse(kind: PromptKind, ctx: egui::Context) -> std::sync::mpsc::Receiver<Option<PathBuf>> {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let dialog = rfd::FileDialog::new();
+        let chosen = match kind {
+            PromptKind::Open => dialog
+                .add_filter("Scene, hair, head, map", &["toml", "hair", "tfx", "obj", "exr", "hdr"])
+                .pick_file(),
+            PromptKind::Save => dialog.add_filter("Scene", &["toml"]).save_file(),
+            PromptKind::Picture => dialog.add_filter("Picture", &["png"]).save_file(),
+        };
+        let _ = sender.send(chosen);
+        ctx.request_repaint();
+    });
+    receiver
+}
