@@ -106,7 +106,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let medium = Medium::new(&stage, &detail);
     let lit = clock
         .watch("light transport", |progress| medium.bring(&stage, lights, &points, progress))?;
-    let (lights, transport) = (&lit.lights, &lit.transport);
+    let lights = &lit.lights;
     clock.step("transport")?;
     let field =
         clock.watch("scattered light", |progress| lit.field(&stage, &medium, &method, progress))?;
@@ -146,7 +146,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
     let delta_t = options.verify.then(|| {
-        RealStrands::new(&stage).delta_t(&points, lights, &transport.reach, VERIFIED_PAIRS)
+        let reach: Vec<&[u32]> = lit.brought.iter().map(|brought| &brought.reach[..]).collect();
+        RealStrands::new(&stage).delta_t(&points, lights, &reach, VERIFIED_PAIRS)
     });
     if let Some(delta) = delta_t {
         clock.note(&format!(
@@ -211,8 +212,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             single_evaluations: done.single,
             global_evaluations: done.global,
             lobes: done.lobes,
-            head_vertices: transport.head_irradiance.len(),
-            transport_looks: transport.looks,
+            head_vertices: stage.head.as_ref().map_or(0, |head| head.positions.len()),
+            transport_looks: lit.brought.iter().map(|brought| brought.looks).sum(),
             field_rounds: field.as_ref().map_or(0, |field| field.rounds),
             bytes: renderer.shading_bytes(),
         },

@@ -13,7 +13,7 @@ use crate::gpu::method::MethodData;
 use crate::srbf::SrbfLight;
 use crate::stage::{Geometry, HEAD_ALBEDO};
 use crate::transport::volume::Volume;
-use crate::transport::{Detail, Occluders, Reach, Transport, transport};
+use crate::transport::{Brought, Detail, Occluders, Places, Reach, transport};
 
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
@@ -50,9 +50,54 @@ impl Medium {
         points: &[u32],
         progress: Progress,
     ) -> Result<LitHair> {
-        let samples = self.grid.as_ref().map_or(&[][..], |grid| &grid.samples);
-        let transport = self.transport(stage, &lights, points, samples, progress)?;
-        Ok(LitHair { lights, points: points.to_vec(), transport })
+        let mut lit = LitHair { points: points.to_vec(), ..LitHair::default() };
+        self.relight(stage, &mut lit, lights, progress)?;
+        Ok(lit)
+    }
+
+    /// Puts other lights in place of those of `lit`, at the same points. Lobes that stay where they are, such as the
+    /// ordinates, are not brought again, whatever their colour.
+    ///
+    /// # Errors
+    /// `progress` cancelled it, and `lit` is as it was.
+    pub fn relight(
+        &self,
+        stage: &Geometry,
+        lit: &mut LitHair,
+        lights: Vec<SrbfLight>,
+        progress: Progress,
+    ) -> Result<()> {
+        let dark = |light: &SrbfLight| light.rgb == [0.0; 3];
+        let lobe = |light: &SrbfLight| (light.direction, light.lambda, dark(light));
+        let mut free = vec![true; lit.lights.len()];
+        let known: Vec<Option<usize>> = (lights.iter())
+            .map(|light| {
+                let same = |&at: &usize| free[at] && lobe(&lit.lights[at]) == lobe(light);
+                let known = (0..lit.lights.len()).find(same);
+                known.inspect(|&at| free[at] = false)
+            })
+            .collect();
+        let pairs = lights.iter().zip(&known);
+        let new: Vec<SrbfLight> =
+            pairs.filter(|(_, known)| known.is_none()).map(|(light, _)| *light).collect();
+        let to = Places {
+            samples: self.grid.as_ref().map_or(&[][..], |grid| &grid.samples),
+            head: true,
+            ..Places::default()
+        };
+        let mut new = self.transport(stage, &new, &lit.points, to, progress)?.into_iter();
+        let rough = std::mem::take(&mut lit.rough).into_iter().chain(std::iter::repeat(Vec::new()));
+        let mut old: Vec<_> = std::mem::take(&mut lit.brought).into_iter().zip(rough).collect();
+        for known in known {
+            let (brought, rough) = match known {
+                Some(at) => std::mem::take(&mut old[at]),
+                None => (new.next().unwrap_or_default(), Vec::new()),
+            };
+            lit.brought.push(brought);
+            lit.rough.push(rough);
+        }
+        lit.lights = lights;
+        Ok(())
     }
 
     /// Brings the lights of `lit` to more points.
@@ -66,9 +111,11 @@ impl Medium {
         points: &[u32],
         progress: Progress,
     ) -> Result<()> {
-        let more = self.transport(stage, &lit.lights, points, &[], progress)?;
-        lit.transport.reach.iter_mut().zip(more.reach).for_each(|(all, more)| all.extend(more));
-        lit.transport.looks += more.looks;
+        let more = self.transport(stage, &lit.lights, points, Places::default(), progress)?;
+        for (all, more) in lit.brought.iter_mut().zip(more) {
+            all.reach.extend(more.reach);
+            all.looks += more.looks;
+        }
         lit.points.extend(points);
         Ok(())
     }
@@ -78,25 +125,24 @@ impl Medium {
         stage: &Geometry,
         lights: &[SrbfLight],
         points: &[u32],
-        samples: &[Vec3],
+        to: Places,
         progress: Progress,
-    ) -> Result<Transport> {
+    ) -> Result<Vec<Brought>> {
         let occluders = Occluders { volume: &self.volume, head: stage.head.as_ref() };
-        let places: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
+        let points: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
+        let to = Places { points: &points, beyond: self.grid.is_some(), ..to };
         let done = AtomicUsize::new(0);
-        let transport =
-            transport(&occluders, lights, &places, samples, self.grid.is_some(), &|| {
-                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
-            });
+        let transport = transport(&occluders, lights, &to, &|| {
+            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
+        });
         transport.map_or_else(|| bail!("cancelled"), Ok)
     }
 
-    /// The reach of the lights of `lit` at any points, as it is in cells of 1/32 of the hair's size: for frames in a
-    /// hurry, of `fast`, which knows T̃ alone. Empty without multiple scattering.
-    pub fn rough_reach(&self, stage: &Geometry, lit: &LitHair, points: &[u32]) -> Vec<Vec<u32>> {
-        let Some(grid) = &self.grid else { return Vec::new() };
-        let of_light = |of_samples: &Vec<f32>| {
-            let cells = grid.spread(of_samples);
+    /// Finds [`LitHair::rough`] at `points`, the same at each call: for frames in a hurry, of `fast`, which knows T̃ alone.
+    pub fn roughen(&self, stage: &Geometry, lit: &mut LitHair, points: &[u32]) {
+        let Some(grid) = &self.grid else { return };
+        let of_light = |brought: &Brought| {
+            let cells = grid.spread(&brought.samples);
             let at = |&point: &u32| {
                 let (mut sum, mut total) = (0.0, 0.0);
                 grid.volume.corners(stage.hair.points[point as usize], |cell, weight| {
@@ -110,19 +156,55 @@ impl Medium {
             };
             points.iter().map(at).collect()
         };
-        lit.transport.samples.par_iter().map(of_light).collect()
+        let all = lit.rough.par_iter_mut().zip(&lit.brought);
+        all.filter(|(rough, _)| rough.is_empty())
+            .for_each(|(rough, brought)| *rough = of_light(brought));
     }
 }
 
 /// Lights, and what is known of their way through hair, whatever its colour.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct LitHair {
     pub lights: Vec<SrbfLight>,
     pub points: Vec<u32>,
-    pub transport: Transport,
+    /// Of each light, to `points`.
+    pub brought: Vec<Brought>,
+    /// Packed reach of each light at other points, as it is in cells of 1/32 of the hair's size; empty before
+    /// [`Medium::roughen`].
+    pub rough: Vec<Vec<u32>>,
 }
 
 impl LitHair {
+    /// Those of `points` that no light was brought to.
+    pub fn missing(&self, stage: &Geometry, points: &[u32]) -> Vec<u32> {
+        let mut known = vec![false; stage.hair.points.len()];
+        self.points.iter().for_each(|&point| known[point as usize] = true);
+        points.iter().copied().filter(|&point| !known[point as usize]).collect()
+    }
+
+    /// Forgets all points but `points`.
+    pub fn retain(&mut self, stage: &Geometry, points: &[u32]) {
+        let mut wanted = vec![false; stage.hair.points.len()];
+        points.iter().for_each(|&point| wanted[point as usize] = true);
+        let keep: Vec<bool> = self.points.iter().map(|&point| wanted[point as usize]).collect();
+        let mut all = self.brought.iter_mut().map(|b| &mut b.reach).chain([&mut self.points]);
+        all.by_ref().for_each(|values| {
+            let mut kept = keep.iter();
+            values.retain(|_| kept.next() == Some(&true));
+        });
+    }
+
+    /// Irradiance at the vertices of the head, linear RGB; empty without one.
+    pub fn head_irradiance(&self) -> Vec<Vec3> {
+        let vertices = self.brought.iter().map(|brought| brought.head.len()).max().unwrap_or(0);
+        let mut sums = vec![Vec3::ZERO; vertices];
+        for (light, brought) in self.lights.iter().zip(&self.brought) {
+            let rgb = Vec3::from(light.rgb.map(|c| c as f32));
+            sums.iter_mut().zip(&brought.head).for_each(|(sum, &e)| *sum += e * rgb);
+        }
+        sums
+    }
+
     /// What strands of a method's fibres make of each other's light; None where the method has another way.
     ///
     /// # Errors
@@ -136,9 +218,10 @@ impl LitHair {
     ) -> Result<Option<Field>> {
         let Some((twin, grid)) = method.twin().zip(medium.grid.as_ref()) else { return Ok(None) };
         let palette = Palette::new(grid, stage, &twin);
-        let head = stage.head.as_ref().map_or(&[][..], |head| &head.positions);
+        let vertices = stage.head.as_ref().map_or(&[][..], |head| &head.positions);
+        let head: Vec<_> = vertices.iter().copied().zip(self.head_irradiance()).collect();
         let field =
-            field::solve(grid, &self.lights, &self.transport, head, &palette, &twin, progress);
+            field::solve(grid, &self.lights, &self.brought, &head, &palette, &twin, progress);
         if field.is_none() {
             bail!("cancelled");
         }
@@ -146,27 +229,30 @@ impl LitHair {
     }
 
     /// The same with another reach at its points.
-    pub fn with_reach(&self, reach: Vec<Vec<u32>>) -> Self {
-        let transport = Transport { reach, ..self.transport.clone() };
-        Self { transport, ..self.clone() }
+    pub fn with_reach(mut self, reach: Vec<Vec<u32>>) -> Self {
+        self.brought.iter_mut().zip(reach).for_each(|(brought, reach)| brought.reach = reach);
+        self
     }
 
     /// Sets a method, these lights, and a field of theirs.
     pub fn show(&self, renderer: &mut Renderer, method: &MethodData, field: Option<&Field>) {
         renderer.set_method(method);
-        self.show_at(renderer, &self.points, &self.transport.reach);
+        self.show_at(renderer, &self.points, self.brought.iter().map(|b| &b.reach[..]).collect());
         match field {
             Some(field) => renderer.set_field(field),
             None => renderer.clear_field(),
         }
     }
 
-    /// Sets these lights with a reach at points; the field stays.
-    pub fn show_at(&self, renderer: &mut Renderer, points: &[u32], reach: &[Vec<u32>]) {
-        renderer.set_lights(&self.lights, points, reach);
+    /// Sets these lights with their rough reach at `points`; the field stays.
+    pub fn show_rough(&self, renderer: &mut Renderer, points: &[u32]) {
+        self.show_at(renderer, points, self.rough.iter().map(|reach| &reach[..]).collect());
+    }
+
+    fn show_at(&self, renderer: &mut Renderer, points: &[u32], reach: Vec<&[u32]>) {
+        renderer.set_lights(&self.lights, points, &reach);
         let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
-        let irradiance = &self.transport.head_irradiance;
-        let head: Vec<Vec3> = irradiance.iter().map(|e| *e * to_radiance).collect();
+        let head: Vec<Vec3> = self.head_irradiance().iter().map(|e| *e * to_radiance).collect();
         renderer.set_head_radiance(&head);
     }
 }

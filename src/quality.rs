@@ -26,10 +26,10 @@ use serde::Serialize;
 
 use crate::gpu::Gpu;
 use crate::gpu::frame::NEGLIGIBLE;
-use crate::gpu::method::{Integrator, MethodData};
+use crate::gpu::method::{Integrator, MethodData, tables_over};
 use crate::gpu::probe::{INPUTS, Probe};
 use crate::scattering::azimuthal::FitLayers;
-use crate::scattering::fast::{Fast, Tables};
+use crate::scattering::fast::Fast;
 use crate::scattering::fibre::Fibre;
 use crate::scattering::model::Model;
 use crate::scene::{Scene, Target};
@@ -127,8 +127,10 @@ impl Facts {
             Integrator::Xu => Model::Marschner,
         };
         let fibres = method.fibres.sample(JUDGED);
-        let layers = FitLayers::over(method.fibres.base(), method.fibres.eta_range());
-        let tables = Tables::over(&layers, model, 2);
+        let tables = match &method.twin {
+            Some(tables) => tables.clone(),
+            None => tables_over(&FitLayers::new(method.fibres.base()), model, 2),
+        };
         let albedo = |fibre: &Fibre| Fast::new(fibre, model, &tables).albedo(MEAN_INCLINATION);
         let sum: f64 = fibres.iter().flat_map(albedo).sum();
         let albedo = sum / (3 * fibres.len()) as f64;
@@ -191,19 +193,44 @@ pub struct Costs {
 }
 
 impl Costs {
+    /// Those by which [`Self::frame_ms`] of `settings` is what a frame of `points` points took: `shade_ms` of it for
+    /// shading by `lights` lights, some of them parts of others, and `rest_ms` for all else.
+    pub fn measured(
+        settings: &Settings,
+        points: usize,
+        lights: usize,
+        shade_ms: f64,
+        rest_ms: f64,
+    ) -> Costs {
+        let split = lights.saturating_sub(settings.lights as usize);
+        let one = Costs { pair_ns: 1.0, visibility_ms: 1.0, points, split };
+        let [rest, shade] = one.parts_ms(settings);
+        // Of the points at four samples.
+        let points = points as f64 / (f64::from(settings.samples.max(4)) / 4.0).powf(0.25);
+        let pair_ns = shade_ms / shade * one.points as f64 / points;
+        Costs { pair_ns, visibility_ms: rest_ms / rest, points: points as usize, split }
+    }
+
     fn lights(&self, settings: &Settings) -> f64 {
         f64::from(settings.lights) + self.split as f64
     }
 
     /// Milliseconds of a frame.
     pub fn frame_ms(&self, settings: &Settings) -> f64 {
+        self.parts_ms(settings).iter().sum()
+    }
+
+    /// The same: what is rasterised, and what is shaded.
+    fn parts_ms(&self, settings: &Settings) -> [f64; 2] {
         let samples = f64::from(settings.samples.max(4)) / 4.0;
         // More samples find a few more points; of pairs of a point and a light 1e-3 keeps some two thirds.
         let points = self.points as f64 * samples.powf(0.25);
         let kept = 0.65 - 0.1 * (settings.negligible / NEGLIGIBLE).ln() / 10f64.ln();
         // The frame rasterises what is seen alone.
-        0.5 * self.visibility_ms * samples.powf(0.8)
-            + 1e-6 * self.pair_ns * points * self.lights(settings) * kept
+        [
+            0.5 * self.visibility_ms * samples.powf(0.8),
+            1e-6 * self.pair_ns * points * self.lights(settings) * kept,
+        ]
     }
 
     /// Milliseconds that rank settings: the lights are taken to stand still for thirty frames.
@@ -229,23 +256,13 @@ pub struct Pick {
 pub fn pick(scene: &Scene, target: Target, facts: &Facts, costs: &Costs, trial: f64) -> Pick {
     let lights = scene.environment.lights.map_or(LIGHTS.to_vec(), |n| vec![n]);
     let samples = scene.render.samples.map_or(SAMPLES.to_vec(), |n| vec![n]);
-    let mut all = Vec::new();
-    for &lights in &lights {
-        let fit = trial * (TRIAL_LIGHTS as f64 / f64::from(lights)).powf(FIT_POWER);
-        for &samples in &samples {
-            for cells in CELLS {
-                for negligible in NEGLIGIBLES {
-                    let settings = Settings { lights, samples, cells, negligible };
-                    let expected = facts.expected(&settings, fit);
-                    let frame_ms = costs.frame_ms(&settings);
-                    let reached = match target {
-                        Target::Error(most) => expected.total <= most,
-                        Target::FrameMs(most) => frame_ms <= most,
-                    };
-                    all.push(Pick { settings, expected, frame_ms, reached });
-                }
-            }
-        }
+    let trial = (TRIAL_LIGHTS as u32, trial);
+    let mut all = choices(&lights, &samples, facts, costs, trial);
+    for pick in &mut all {
+        pick.reached = match target {
+            Target::Error(most) => pick.expected.total <= most,
+            Target::FrameMs(most) => pick.frame_ms <= most,
+        };
     }
     if all.iter().any(|pick| pick.reached) {
         all.retain(|pick| pick.reached);
@@ -259,6 +276,45 @@ pub fn pick(scene: &Scene, target: Target, facts: &Facts, costs: &Costs, trial: 
     let least = all.iter().map(|pick| pick.expected.total).fold(f64::INFINITY, f64::min);
     all.retain(|pick| pick.expected.total <= 1.01 * least);
     cheapest(&all, costs)
+}
+
+/// All settings with these lights and samples; `fit` is a number of lights and the error of their fit.
+fn choices(
+    lights: &[u32],
+    samples: &[u32],
+    facts: &Facts,
+    costs: &Costs,
+    fit: (u32, f64),
+) -> Vec<Pick> {
+    let mut all = Vec::new();
+    for &lights in lights {
+        let fit = fit.1 * (f64::from(fit.0) / f64::from(lights)).powf(FIT_POWER);
+        for &samples in samples {
+            for cells in CELLS {
+                for negligible in NEGLIGIBLES {
+                    let settings = Settings { lights, samples, cells, negligible };
+                    let expected = facts.expected(&settings, fit);
+                    let frame_ms = costs.frame_ms(&settings);
+                    all.push(Pick { settings, expected, frame_ms, reached: true });
+                }
+            }
+        }
+    }
+    all
+}
+
+/// What can be had at best: settings than which no others are expected to be both faster and nearer to the truth, the
+/// fastest first. `fit` is a number of lights and the error of their fit.
+pub fn front(facts: &Facts, costs: &Costs, fit: (u32, f64)) -> Vec<Pick> {
+    let mut all = choices(&LIGHTS, &SAMPLES, facts, costs, fit);
+    all.sort_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms));
+    let mut least = f64::INFINITY;
+    all.retain(|pick| {
+        let better = pick.expected.total < least;
+        least = least.min(pick.expected.total);
+        better
+    });
+    all
 }
 
 fn cheapest(picks: &[Pick], costs: &Costs) -> Pick {

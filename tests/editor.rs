@@ -184,6 +184,115 @@ fn a_stroke_is_painted_undone_redone_saved_and_captured() {
     assert!(most <= 1, "captured: {most}");
 }
 
+/// Beside the frame stands what `hairlight reference` makes, and the error is the one that `compare` finds.
+#[test]
+fn the_truth_stands_beside_the_frame() {
+    let folder = tempdir().unwrap();
+    let mut scene = small();
+    scene.environment.exposure = 0.5;
+    scene.environment.rotation_deg = 30.0;
+    let mut window = window(Document::new(scene.clone(), None));
+    key(&mut window, Modifiers::NONE, Key::R);
+    let judged = |window: &mut Window, samples: u32| {
+        let begun = Instant::now();
+        loop {
+            window.step();
+            let truth = editor(window).truth();
+            if let Some(truth) = truth.filter(|t| t.samples >= samples && t.judged.is_some()) {
+                let judged = truth.judged.as_ref().unwrap();
+                return (truth.samples, truth.rgba.clone(), judged.report.clone());
+            }
+            assert!(begun.elapsed() < Duration::from_secs(120), "no truth");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
+    let (samples, traced, report) = judged(&mut window, 6);
+    window.run_steps(2);
+    window.get_by_label("Error against the truth");
+    look(&mut window, "truth.png");
+    for name in ["difference", "FLIP"] {
+        window.get_by_label(name).click();
+        window.run_steps(3);
+        look(&mut window, &format!("truth-{name}.png"));
+    }
+
+    let [width, height] = editor(&window).picture().unwrap().size;
+    std::fs::write(folder.path().join("scene.toml"), scene.to_toml()).unwrap();
+    let size = format!("{width}x{height}");
+    let run = |arguments: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_hairlight"));
+        let output = command.args(arguments).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let spp = samples.to_string();
+    run(&["reference", "scene.toml", "--size", &size, "--spp", &spp, "-o", "truth.png"]);
+    let reference = image::open(folder.path().join("truth.png")).unwrap().into_rgba8();
+    let (most, _) = apart(&traced, reference.as_raw());
+    assert!(most <= 1, "against `reference`: {most}");
+    run(&["reference", "scene.toml", "--size", &size, "--spp", &spp, "-o", "truth.exr"]);
+    run(&["capture", "scene.toml", "--size", &size, "-o", "frame.exr"]);
+    let [frame, truth] = ["frame.exr", "truth.exr"]
+        .map(|name| hairlight::measure::read::Picture::read(&folder.path().join(name)).unwrap());
+    let compared = hairlight::measure::compare::compare(&frame, &truth).unwrap();
+    println!("relative L2 {:.4}, compared {:.4}", report.relative_l2, compared.relative_l2);
+    assert!((report.relative_l2 / compared.relative_l2 - 1.0).abs() < 0.005);
+    assert!((report.error() / compared.error() - 1.0).abs() < 0.02);
+
+    // The control: an edit ends the truth of what was; that of the new picture is another.
+    window.get_by_label("white").click();
+    window.run_steps(3);
+    assert!(editor(&window).truth().is_none());
+    seen(&mut window);
+    let (_, white, other) = judged(&mut window, 6);
+    assert!(apart(&white, &traced).1 > 0.1);
+    assert!((other.relative_l2 / report.relative_l2 - 1.0).abs() > 0.05);
+    // Switched off, nothing is traced.
+    key(&mut window, Modifiers::NONE, Key::R);
+    window.run_steps(2);
+    assert!(editor(&window).truth().is_none());
+}
+
+/// A shader that changes is drawn by; one that does not compile is told with its line, and the last good one goes on.
+#[test]
+fn shaders_are_read_again_when_they_change() {
+    let folder = tempdir().unwrap();
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let text = std::fs::read_to_string(own.join("resolve.wgsl")).unwrap();
+    let path = folder.path().join("resolve.wgsl");
+    std::fs::write(&path, &text).unwrap();
+    let mut window = window(Document::new(small(), None));
+    let before = picture(&window);
+    let ctx = window.ctx.clone();
+    window.state_mut().as_mut().unwrap().watch_shaders(folder.path().to_owned(), &ctx);
+    let said = |window: &mut Window, wanted: &str| {
+        let begun = Instant::now();
+        while !editor(window).message().is_some_and(|line| line.contains(wanted)) {
+            assert!(begun.elapsed() < Duration::from_secs(60), "{:?}", editor(window).message());
+            std::thread::sleep(Duration::from_millis(5));
+            window.step();
+        }
+        seen(window);
+    };
+    said(&mut window, "Shaders read");
+    assert_eq!(picture(&window), before, "the same text");
+
+    std::fs::write(&path, text.replace("fn resolve(", "fn resolve( oops")).unwrap();
+    said(&mut window, "resolve.wgsl, line");
+    assert_eq!(picture(&window), before, "the last good one goes on");
+
+    // What naga takes and the device does not: an entry point under another name.
+    std::fs::write(&path, text.replace("fn resolve(", "fn resolved(")).unwrap();
+    said(&mut window, "shaders:");
+    assert_eq!(picture(&window), before, "the last good one goes on");
+
+    let all = "vec4f(front.rgb + (1.0 - front.a) * behind, 1.0)";
+    assert!(text.contains(all));
+    std::fs::write(&path, text.replace(all, "vec4f(0.2 * front.rgb, 1.0)")).unwrap();
+    said(&mut window, "Shaders read");
+    assert!(apart(&picture(&window), &before).1 > 0.2, "another text");
+}
+
 #[test]
 fn fields_reach_the_scene_and_the_history() {
     let mut window = window(Document::new(small(), None));
@@ -381,7 +490,7 @@ fn by_hand_latency() {
     sintel.head.source = format!("{data}/head/sintel.obj");
     for (name, scene) in [("sintel", sintel), ("bob", Scene::default())] {
         let mut session = Session::default();
-        let mut wish = Wish { scene, paint: None, size: [720, 480], moving: false };
+        let mut wish = Wish { scene, paint: None, size: [720, 480], moving: false, shaders: None };
         let mut see = |what: &str, wish: &Wish| {
             let said = Mutex::new(Vec::new());
             let begun = Instant::now();

@@ -38,7 +38,7 @@ fn furnace(model: Model, sigma_a: f64) -> f64 {
         let cell = ((stage.hair.points[point as usize] - field.origin) / field.cell).floor();
         let [x, y, z] = cell.to_array().map(|at| at as usize);
         for (j, light) in lights.iter().enumerate() {
-            let direct = hairlight::transport::Reach::unpack(lit.transport.reach[j][k]).direct;
+            let direct = hairlight::transport::Reach::unpack(lit.brought[j].reach[k]).direct;
             // Peaks of lobes that overlap.
             let unit = |one: &SrbfLight| SrbfLight { rgb: [1.0; 3], ..*one };
             let overlap = lights.iter().map(|one| unit(one).radiance(light.direction)[0]);

@@ -6,7 +6,7 @@ use hairlight::gpu::{
     Gpu,
     method::{Integrator, MethodData},
     probe::{self, INPUTS, OUTPUTS},
-    shaders,
+    shaders::Shaders,
 };
 use hairlight::scattering::{
     azimuth_table::AzimuthTable,
@@ -364,7 +364,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
         LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
     };
     use std::mem::{offset_of, size_of};
-    for (name, source) in shaders::passes() {
+    for (name, source) in Shaders::default().passes() {
         println!("{name}");
         validated(&source);
     }
@@ -376,7 +376,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
         };
     }
     same!(
-        shaders::resolve(),
+        Shaders::default().resolve(),
         "View",
         ViewUniform,
         [
@@ -396,9 +396,9 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             widened
         ]
     );
-    let shade = || shaders::shade(Integrator::Fast(Model::Marschner));
+    let shade = || Shaders::default().shade(Integrator::Fast(Model::Marschner));
     for method in [Integrator::Fast(Model::Marschner), Integrator::Xu] {
-        validated(&shaders::with_exact_single(&shaders::shade(method)));
+        validated(&Shaders::default().with_exact_single(&Shaders::default().shade(method)));
     }
     same!(shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, pad]);
     same!(
@@ -418,7 +418,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             field_scale
         ]
     );
-    for (shader, name) in [(shaders::mark(), "Needed"), (shade(), "NeededPoints")] {
+    for (shader, name) in [(Shaders::default().mark(), "Needed"), (shade(), "NeededPoints")] {
         let (members, _) = layout(&validated(&shader), name);
         let offset = |field: &str| members.iter().find(|m| m.0 == field).map(|m| m.1 as u64);
         assert_eq!(offset("dispatch"), Some(NEEDED_DISPATCH), "{name}");
@@ -428,7 +428,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
 
 #[test]
 fn layouts_and_constants_are_those_of_rust() {
-    let module = validated(&shaders::probe(Integrator::Xu, SINGLE));
+    let module = validated(&Shaders::default().probe(Integrator::Xu, SINGLE));
     let (_, fibre) = module
         .types
         .iter()
@@ -487,7 +487,7 @@ fn layouts_and_constants_are_those_of_rust() {
         let found = constant(&module, name);
         assert!((found - value).abs() <= 1e-7 * value, "{name}: {found} in WGSL, {value} in Rust");
     }
-    let module = validated(&shaders::probe(Integrator::Fast(Model::Marschner), SINGLE));
+    let module = validated(&Shaders::default().probe(Integrator::Fast(Model::Marschner), SINGLE));
     for (name, value) in [
         ("COMPENSATION_MAX", longitudinal::COMPENSATION_MAX),
         ("EXPONENT_MAX", nodes::EXPONENT_MAX),

@@ -9,12 +9,21 @@ use crate::editor::{self, Document};
 use crate::scene::Scene;
 
 pub fn command() -> Command {
-    Command::new("view").about("Opens the editor: change and paint hair live").arg(
-        Arg::new("file")
-            .value_name("FILE")
-            .value_parser(value_parser!(PathBuf))
-            .help("A scene .toml, hair, head or map [default: the default scene]"),
-    )
+    Command::new("view")
+        .about("Opens the editor: change and paint hair live")
+        .arg(
+            Arg::new("file")
+                .value_name("FILE")
+                .value_parser(value_parser!(PathBuf))
+                .help("A scene .toml, hair, head or map [default: the default scene]"),
+        )
+        .arg(
+            Arg::new("shaders")
+                .long("shaders")
+                .value_name("FOLDER")
+                .value_parser(value_parser!(PathBuf))
+                .help("Draws by the WGSL of this folder, read again whenever it changes"),
+        )
 }
 
 pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
@@ -22,5 +31,5 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
         Some(path) => Document::open(path)?,
         None => Document::new(Scene::default(), None),
     };
-    editor::run(document)
+    editor::run(document, matches.get_one::<PathBuf>("shaders").cloned())
 }

@@ -5,7 +5,9 @@ mod files;
 mod light;
 mod panels;
 mod picture;
+mod truth;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -14,11 +16,14 @@ use eframe::egui::{self, Key, KeyboardShortcut, Modifiers, Rect, Ui};
 use super::brush::{Brush, Mode, Places, Stroke};
 use super::document::Document;
 use super::history::{History, Step};
+use super::shader_watch::Watch;
 use super::viewport::{self, Shown};
-use crate::live::{Said, Wish, Worker, same_paint};
+use crate::gpu::shaders::Shaders;
+use crate::live::{Said, Wish, Worker, same};
 use crate::scene::Scene;
 use crate::stage::Geometry;
 use files::{Files, PromptKind};
+use truth::Truth;
 
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
 const REDO: KeyboardShortcut =
@@ -29,7 +34,7 @@ const SAVE_AS: KeyboardShortcut =
 const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
 
 /// What keys and drags do, as `?` shows it.
-const SHORTCUTS: [(&str, &str); 17] = [
+const SHORTCUTS: [(&str, &str); 18] = [
     ("Drag", "View: turn the camera. Paint: paint"),
     ("Middle drag", "Turn the camera, whatever the tool"),
     ("Right drag, Shift + middle drag", "Move the camera"),
@@ -40,6 +45,7 @@ const SHORTCUTS: [(&str, &str); 17] = [
     ("[ and ], Alt + drag", "Size of the brush"),
     ("I", "Eyedropper: take the value under the pointer"),
     ("X", "Brush: set, or erase"),
+    ("R", "The path-traced truth beside the frame; drag the line between them"),
     ("T", "Turntable"),
     ("Ctrl + Z, Ctrl + Shift + Z", "Undo, redo"),
     ("Ctrl + O", "Open a scene, hair, head or map"),
@@ -76,6 +82,10 @@ pub struct Editor {
     message: Option<(String, bool)>,
     notes: Vec<String>,
     files: Files,
+    truth: Truth,
+    /// In place of the built-in ones.
+    shaders: Option<Arc<Shaders>>,
+    watch: Option<Watch>,
     shortcuts: bool,
     turning: Option<Instant>,
     /// The light's or the brush's drag under way.
@@ -91,6 +101,8 @@ enum Drag {
     Light,
     Size,
     Stroke,
+    /// Between frame and truth.
+    Divider,
 }
 
 impl Editor {
@@ -113,6 +125,9 @@ impl Editor {
             message: None,
             notes: Vec::new(),
             files: Files::default(),
+            truth: Truth::default(),
+            shaders: None,
+            watch: None,
             shortcuts: false,
             turning: None,
             drag: None,
@@ -137,6 +152,7 @@ impl Editor {
         self.dropped(ui.ctx());
         self.turn(ui.ctx());
         self.settle(ui.ctx());
+        self.ask_truth(ui.ctx());
     }
 
     /// Whether the last picture is all that there will be of what is asked.
@@ -144,7 +160,7 @@ impl Editor {
         let newest = self.asked.as_ref().is_some_and(|(number, wish)| {
             *number == self.shown_of
                 && wish.scene == self.document.scene
-                && same_paint(&wish.paint, &self.document.paint)
+                && same(&wish.paint, &self.document.paint)
         });
         newest && self.shown.picture.as_ref().is_some_and(|p| p.finished)
     }
@@ -159,7 +175,20 @@ impl Editor {
         self.message.as_ref().map(|(line, _)| line.as_str())
     }
 
+    /// Draws by the shaders of a folder, read again whenever one of them changes.
+    pub fn watch_shaders(&mut self, folder: PathBuf, ctx: &egui::Context) {
+        self.watch = Some(Watch::new(folder, ctx.clone()));
+    }
+
     fn listen(&mut self, ctx: &egui::Context) {
+        match self.watch.as_ref().and_then(Watch::newest) {
+            Some(Ok(shaders)) => {
+                self.shaders = Some(Arc::new(shaders));
+                self.say("Shaders read");
+            }
+            Some(Err(error)) => self.fail(&error),
+            None => {}
+        }
         let newest = self.asked.as_ref().map_or(0, |(number, _)| *number);
         for (number, said) in self.worker.said().collect::<Vec<_>>() {
             match said {
@@ -216,7 +245,8 @@ impl Editor {
         }
         let Some(size) = self.size(ctx) else { return };
         let scene = self.document.scene.clone();
-        let wish = Wish { scene, paint: self.document.paint.clone(), size, moving: held };
+        let (paint, shaders) = (self.document.paint.clone(), self.shaders.clone());
+        let wish = Wish { scene, paint, size, moving: held, shaders };
         let same = self.asked.as_ref().is_some_and(|(_, asked)| {
             asked.same(&wish) && (asked.moving == wish.moving || wish.moving)
         });
@@ -295,6 +325,9 @@ impl Editor {
         if key(Key::X) {
             let erasing = self.brush.mode == Mode::Erase;
             self.brush.mode = if erasing { Mode::Set } else { Mode::Erase };
+        }
+        if key(Key::R) {
+            self.truth.on = !self.truth.on;
         }
         if key(Key::T) {
             self.turning = self.turning.is_none().then(Instant::now);

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::file::write_whole;
 use crate::hair::Hair;
-use crate::live::same_paint;
+use crate::live::same;
 use crate::paint::Paint;
 use crate::scene::{HairSpec, Scene};
 
@@ -65,7 +65,7 @@ impl Document {
         !self
             .saved
             .as_ref()
-            .is_some_and(|(scene, paint)| *scene == self.scene && same_paint(paint, &self.paint))
+            .is_some_and(|(scene, paint)| *scene == self.scene && same(paint, &self.paint))
     }
 
     /// Writes the scene to `path`, and what is painted beside it, as `NAME.paint`.

@@ -4,6 +4,8 @@
 //! - `history`: what was done, step by step, to be undone.
 //! - `brush`: from a place on the screen to paint on strands.
 //! - `viewport`: the picture, the camera and the brush over it.
+//! - `shader_watch`: shaders that are read again when they change.
+//! - `speed_plot`: speed against error, of the view that is shown.
 //! - `fields`: the widgets of the scene's table of fields; nothing here names a range.
 //! - `app`: what holds them together: a frame of the interface, its sections a file each.
 
@@ -12,7 +14,11 @@ mod brush;
 mod document;
 mod fields;
 mod history;
+mod shader_watch;
+mod speed_plot;
 mod viewport;
+
+use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use eframe::egui;
@@ -22,11 +28,12 @@ pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
 pub use document::Document;
 pub use history::{History, Step};
 
-/// Opens the window on a document and comes back when it is closed.
+/// Opens the window on a document and comes back when it is closed. `shaders`: a folder to draw by in place of the
+/// built-in ones.
 ///
 /// # Errors
 /// One line, where no window can be opened.
-pub fn run(document: Document) -> Result<()> {
+pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("Hairlight")
@@ -45,7 +52,13 @@ pub fn run(document: Document) -> Result<()> {
     let opened = eframe::run_native(
         "hairlight",
         options,
-        Box::new(|context| Ok(Box::new(Window(Editor::new(document, &context.egui_ctx))))),
+        Box::new(|context| {
+            let mut editor = Editor::new(document, &context.egui_ctx);
+            if let Some(folder) = shaders {
+                editor.watch_shaders(folder, &context.egui_ctx);
+            }
+            Ok(Box::new(Window(editor)))
+        }),
     );
     opened.map_err(|error| {
         anyhow!(

@@ -10,17 +10,19 @@ use crate::stage::Geometry;
 /// Degrees that a drag over a point (a ninety-sixth of an inch) turns by.
 const DEGREES_A_POINT: f64 = 0.4;
 
-/// The picture as a texture.
+/// A picture on the screen.
 #[derive(Default)]
-pub struct Shown {
+pub struct Pane {
     texture: Option<egui::TextureHandle>,
-    pub picture: Option<Picture>,
+    /// Whether one sees through it.
+    clear: bool,
 }
 
-impl Shown {
-    pub fn put(&mut self, ctx: &egui::Context, picture: Picture) {
-        let size = picture.size.map(|s| s as usize);
-        let image = egui::ColorImage::from_rgba_unmultiplied(size, &picture.rgba);
+impl Pane {
+    /// `rgba`: sRGB with straight alpha, rows from the top.
+    pub fn put(&mut self, ctx: &egui::Context, size: [u32; 2], rgba: &[u8]) {
+        self.clear = rgba.chunks_exact(4).any(|p| p[3] < 255);
+        let image = egui::ColorImage::from_rgba_unmultiplied(size.map(|s| s as usize), rgba);
         match &mut self.texture {
             Some(texture) => texture.set(image, egui::TextureOptions::LINEAR),
             None => {
@@ -28,18 +30,15 @@ impl Shown {
                 self.texture = Some(texture);
             }
         }
-        self.picture = Some(picture);
     }
 
-    /// Paints the picture into `rect`, over squares where it is clear.
-    pub fn paint(&self, ui: &Ui, rect: Rect) {
-        let painter = ui.painter_at(rect);
+    /// Paints what of the picture in `rect` lies within `part`, over squares where it is clear.
+    pub fn paint(&self, ui: &Ui, rect: Rect, part: Rect) {
+        let painter = ui.painter_at(part.intersect(rect));
         painter.rect_filled(rect, 0.0, Color32::from_gray(48));
         let Some(texture) = &self.texture else { return };
         let side = 12.0;
-        let clear =
-            self.picture.as_ref().is_some_and(|p| p.rgba.chunks_exact(4).any(|p| p[3] < 255));
-        if clear {
+        if self.clear {
             let columns = (rect.width() / side).ceil() as usize;
             for k in 0..columns * (rect.height() / side).ceil() as usize {
                 let (x, y) = (k % columns, k / columns);
@@ -52,6 +51,20 @@ impl Shown {
         }
         let whole = Rect::from_min_max(Pos2::ZERO, egui::pos2(1.0, 1.0));
         painter.image(texture.id(), rect, whole, Color32::WHITE);
+    }
+}
+
+/// The frame.
+#[derive(Default)]
+pub struct Shown {
+    pub pane: Pane,
+    pub picture: Option<Picture>,
+}
+
+impl Shown {
+    pub fn put(&mut self, ctx: &egui::Context, picture: Picture) {
+        self.pane.put(ctx, picture.size, &picture.rgba);
+        self.picture = Some(picture);
     }
 }
 

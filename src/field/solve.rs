@@ -10,7 +10,7 @@ use super::{Field, Twin};
 use crate::scattering::fast::Fast;
 use crate::srbf::{ORDINATES, SrbfLight};
 use crate::stage::HEAD_ALBEDO;
-use crate::transport::Transport;
+use crate::transport::Brought;
 
 /// Rounds end when all that cells send out changes by less than this share of it. White hair takes some 40.
 const SETTLED: f32 = 2e-3;
@@ -19,13 +19,13 @@ const MOST_ROUNDS: usize = 200;
 const HEAD_WEIGHT: f32 = 0.01;
 
 /// Light that has met a strand or the head, for the fibres that `palette` has of `twin`'s and `lights` of which the
-/// last are the ordinates (`srbf::split_wide`); `transport` is theirs, to the grid's samples and to the head, whose
-/// vertices are at `head`. `progress` is told the share done; false cancels, and the result is then None.
+/// last are the ordinates (`srbf::split_wide`), as they are `brought` to the grid's samples; `head` has its vertices and
+/// their irradiance. `progress` is told the share done; false cancels, and the result is then None.
 pub fn solve(
     grid: &Grid,
     lights: &[SrbfLight],
-    transport: &Transport,
-    head: &[Vec3],
+    brought: &[Brought],
+    head: &[(Vec3, Vec3)],
     palette: &Palette,
     twin: &Twin,
     progress: &dyn Fn(f32) -> bool,
@@ -38,7 +38,7 @@ pub fn solve(
     let exchange = exchanges(&fibres, &pairs, ordinates, narrow);
     let of = |hairy: usize| &exchange[pair_of[hairy]];
     let reached: Vec<Vec<f32>> =
-        transport.samples.par_iter().map(|of_samples| grid.means(of_samples)).collect();
+        brought.par_iter().map(|of_light| grid.means(&of_light.samples)).collect();
     // What each hairy cell makes of light that no strand has met.
     let first: Vec<Vec<Vec3A>> = (0..grid.hairy.len())
         .into_par_iter()
@@ -59,7 +59,7 @@ pub fn solve(
             sent
         })
         .collect();
-    let glow = head_glow(grid, head, &transport.head_irradiance);
+    let glow = head_glow(grid, head);
 
     let cells = grid.head.len();
     let sweeps: Vec<Sweep> = ordinates.par_iter().map(|one| Sweep::new(grid, one)).collect();
@@ -151,9 +151,9 @@ fn products(rows: &[Vec3A], along: &[Vec3A]) -> Vec<Vec3A> {
 }
 
 /// What direct light makes of the head's cells: the mean of its vertices there, radiance.
-fn head_glow(grid: &Grid, vertices: &[Vec3], irradiance: &[Vec3]) -> Vec<Vec3A> {
+fn head_glow(grid: &Grid, head: &[(Vec3, Vec3)]) -> Vec<Vec3A> {
     let mut sums = vec![(Vec3A::ZERO, 0.0f32); grid.head.len()];
-    for (&place, &e) in vertices.iter().zip(irradiance) {
+    for &(place, e) in head {
         grid.volume.corners(place, |cell, weight| {
             sums[cell].0 += weight * Vec3A::from(e * HEAD_ALBEDO / std::f32::consts::PI);
             sums[cell].1 += weight;

@@ -2,11 +2,14 @@
 
 use anyhow::{Context, Result, bail};
 
+use super::shaders::Shaders;
+
 /// An open device. It asks for wgpu's default limits and no optional feature but timestamps.
 pub struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub info: wgpu::AdapterInfo,
+    pub shaders: Shaders,
 }
 
 const INSTALL: &str = "install a Vulkan driver (on Debian and Ubuntu the CPU one is \
@@ -52,7 +55,7 @@ impl Gpu {
             .with_context(|| {
                 format!("adapter `{}` cannot open a device with default limits", info.name)
             })?;
-        Ok(Gpu { device, queue, info })
+        Ok(Gpu { device, queue, info, shaders: Shaders::default() })
     }
 
     /// Waits until all submitted work is done.

@@ -3,15 +3,16 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use wgpu::util::DeviceExt as _;
 
+use super::Gpu;
 use super::method::{Integrator, MethodData};
 use super::resources::*;
+use super::shaders::Shaders;
 use super::timer::PassTimer;
 use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform};
-use super::{Gpu, shaders};
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::hair::normals;
@@ -115,6 +116,35 @@ struct FieldPlace {
 const NO_FIELD: FieldPlace =
     FieldPlace { origin: Vec3::ZERO, cell: 1.0, dims: Vec3::ONE, scale: 0.0 };
 
+/// Pipelines that no method changes.
+struct Fixed {
+    hair: wgpu::RenderPipeline,
+    head: wgpu::RenderPipeline,
+    mark: wgpu::ComputePipeline,
+    plan: wgpu::ComputePipeline,
+    end: wgpu::ComputePipeline,
+    resolve: wgpu::ComputePipeline,
+    backdrop: wgpu::ComputePipeline,
+}
+
+impl Fixed {
+    fn new(device: &wgpu::Device, shaders: &Shaders, with_head: bool) -> Fixed {
+        let raster = module(device, "raster", &shaders.raster());
+        let mark = module(device, "mark", &shaders.mark());
+        let resolve = module(device, "resolve", &shaders.resolve());
+        let with_head = [("WITH_HEAD", f64::from(with_head))];
+        Fixed {
+            hair: raster_pipeline(device, &raster, "hair"),
+            head: raster_pipeline(device, &raster, "head"),
+            mark: compute_pipeline(device, &mark, "mark", &[]),
+            plan: compute_pipeline(device, &mark, "plan_shading", &[]),
+            end: compute_pipeline(device, &mark, "end_shading", &[]),
+            resolve: compute_pipeline(device, &resolve, "resolve", &with_head),
+            backdrop: compute_pipeline(device, &resolve, "backdrop", &[]),
+        }
+    }
+}
+
 /// Lights that share one buffer of reach.
 struct LightGroup {
     first: u32,
@@ -161,16 +191,10 @@ pub struct Renderer {
     environment: wgpu::TextureView,
     environment_rotation_rad: f32,
     environment_scale: f32,
-    hair_pipeline: wgpu::RenderPipeline,
-    head_pipeline: wgpu::RenderPipeline,
-    mark_pipeline: wgpu::ComputePipeline,
-    plan_pipeline: wgpu::ComputePipeline,
-    end_pipeline: wgpu::ComputePipeline,
+    fixed: Fixed,
     pipelines: Vec<(PipelineKind, wgpu::ComputePipeline)>,
     /// Made when first asked for.
     shading: Vec<Shading>,
-    resolve_pipeline: wgpu::ComputePipeline,
-    backdrop_pipeline: wgpu::ComputePipeline,
 }
 
 impl Renderer {
@@ -213,9 +237,7 @@ impl Renderer {
         let dark = vec![Vec4::ZERO; positions.len()];
         let head_radiance = storage(device, "head radiance", bytemuck::cast_slice(&dark));
         let indices = RibbonIndices::new(device, segments.len() as u32, 1);
-        let raster = module(device, "raster", &shaders::raster());
-        let mark = module(device, "mark", &shaders::mark());
-        let resolve = module(device, "resolve", &shaders::resolve());
+        let fixed = Fixed::new(device, &gpu.shaders, !corners.is_empty());
         Ok(Renderer {
             points,
             center,
@@ -245,22 +267,34 @@ impl Renderer {
             environment: environment_texture(&gpu, 1, 1, &[[0.0; 4]]),
             environment_rotation_rad: 0.0,
             environment_scale: 1.0,
-            hair_pipeline: raster_pipeline(device, &raster, "hair"),
-            head_pipeline: raster_pipeline(device, &raster, "head"),
-            mark_pipeline: compute_pipeline(device, &mark, "mark", &[]),
-            plan_pipeline: compute_pipeline(device, &mark, "plan_shading", &[]),
-            end_pipeline: compute_pipeline(device, &mark, "end_shading", &[]),
+            fixed,
             pipelines: Vec::new(),
             shading: Vec::new(),
-            resolve_pipeline: compute_pipeline(
-                device,
-                &resolve,
-                "resolve",
-                &[("WITH_HEAD", f64::from(!corners.is_empty()))],
-            ),
-            backdrop_pipeline: compute_pipeline(device, &resolve, "backdrop", &[]),
             gpu,
         })
+    }
+
+    /// Draws by other shaders from now on.
+    ///
+    /// # Errors
+    /// One line: what the device finds wrong with them. The ones before stay.
+    pub fn set_shaders(&mut self, shaders: &Shaders) -> Result<()> {
+        if self.gpu.shaders == *shaders {
+            return Ok(());
+        }
+        let before = std::mem::replace(&mut self.gpu.shaders, shaders.clone());
+        let compiled = (std::mem::take(&mut self.pipelines), std::mem::take(&mut self.shading));
+        let scope = self.gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let fixed = Fixed::new(&self.gpu.device, shaders, self.head_corner_count > 0);
+        self.shading_pipeline(0, false);
+        if let Some(error) = pollster::block_on(scope.pop()) {
+            self.gpu.shaders = before;
+            (self.pipelines, self.shading) = compiled;
+            let text = error.to_string();
+            bail!("shaders: {}", text.split_whitespace().collect::<Vec<_>>().join(" "));
+        }
+        self.fixed = fixed;
+        Ok(())
     }
 
     /// Of so many strands one is drawn from now on, as many times wider: frames in a hurry. Points are to be found and
@@ -311,7 +345,7 @@ impl Renderer {
     /// out rasterises the same frame in a quarter of the time (sintel).
     ///
     /// Comes after [`Self::set_method`], which says how many lights a pass may sum, and before [`Self::set_field`].
-    pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], reach: &[Vec<u32>]) {
+    pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], reach: &[&[u32]]) {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
         let bright = lights.iter().filter(|light| power(light) > 0.0).count();
         let fair = lights.iter().map(power).sum::<f64>() / bright.max(1) as f64;
@@ -334,7 +368,7 @@ impl Renderer {
     }
 
     /// Sets the reach of the lights that are set at other points; see [`Self::set_lights`].
-    fn set_reach(&mut self, points: &[u32], reach: &[Vec<u32>]) {
+    fn set_reach(&mut self, points: &[u32], reach: &[&[u32]]) {
         let device = &self.gpu.device;
         let mut slots = vec![NO_SLOT; self.points as usize];
         for (slot, &point) in points.iter().enumerate() {
@@ -414,7 +448,8 @@ impl Renderer {
         if let Some((_, pipeline)) = self.pipelines.iter().find(|(known, _)| *known == kind) {
             return pipeline.clone();
         }
-        let source = method.specialised(shaders::shade(method.integrator));
+        let source =
+            method.specialised(&self.gpu.shaders, self.gpu.shaders.shade(method.integrator));
         let device = &self.gpu.device;
         let module = module(device, "shade", &source);
         let pipeline = compute_pipeline(device, &module, "shade", &kind.constants);
@@ -483,7 +518,7 @@ impl Renderer {
         let size = lens.size;
         let (work, sampling) = self.begin(size, samples)?;
         let mark = self.mark_groups(&work);
-        let end = self.bind_at(&self.end_pipeline, &[buffer(2, &work.needed)]);
+        let end = self.bind_at(&self.fixed.end, &[buffer(2, &work.needed)]);
         let shading = self.shading(parts, false);
         let shade = self.shading_groups(&self.shading[shading], lens, parts, &work);
         let tiles = size.map(|s| s.div_ceil(8));
@@ -505,7 +540,7 @@ impl Renderer {
             }
             {
                 let resolve = self.bind_at(
-                    &self.resolve_pipeline,
+                    &self.fixed.resolve,
                     &[
                         buffer(0, &view),
                         texture(1, &work.visibility),
@@ -517,20 +552,20 @@ impl Renderer {
                     ],
                 );
                 let mut compute = begin(&mut encoder, "resolve", timer.compute("resolve"));
-                compute.set_pipeline(&self.end_pipeline);
+                compute.set_pipeline(&self.fixed.end);
                 compute.set_bind_group(0, &end, &[]);
                 compute.dispatch_workgroups(1, 1, 1);
-                compute.set_pipeline(&self.resolve_pipeline);
+                compute.set_pipeline(&self.fixed.resolve);
                 compute.set_bind_group(0, &resolve, &[]);
                 compute.dispatch_workgroups(tiles[0], tiles[1], 1);
             }
             if pass + 1 == sampling.passes {
                 let backdrop = self.bind_at(
-                    &self.backdrop_pipeline,
+                    &self.fixed.backdrop,
                     &[buffer(0, &view), texture(5, &self.environment), buffer(6, &work.sum)],
                 );
                 let mut compute = begin(&mut encoder, "backdrop", timer.compute("backdrop"));
-                compute.set_pipeline(&self.backdrop_pipeline);
+                compute.set_pipeline(&self.fixed.backdrop);
                 compute.set_bind_group(0, &backdrop, &[]);
                 compute.dispatch_workgroups(tiles[0], tiles[1], 1);
             }
@@ -547,7 +582,7 @@ impl Renderer {
     pub fn count(&mut self, lens: &Lens, samples: u32, parts: Parts) -> Result<Done> {
         let (work, sampling) = self.begin(lens.size, samples)?;
         let mark = self.mark_groups(&work);
-        let end = self.bind_at(&self.end_pipeline, &[buffer(2, &work.needed)]);
+        let end = self.bind_at(&self.fixed.end, &[buffer(2, &work.needed)]);
         let shading = self.shading(parts, true);
         let shade = self.shading_groups(&self.shading[shading], lens, parts, &work);
         let mut timer = PassTimer::new(&self.gpu);
@@ -557,7 +592,7 @@ impl Renderer {
             self.find(&mut encoder, &mut timer, &work, &mark, &view);
             self.shading[shading].run(&mut encoder, &mut timer, &shade, &work);
             let mut compute = begin(&mut encoder, "end", None);
-            compute.set_pipeline(&self.end_pipeline);
+            compute.set_pipeline(&self.fixed.end);
             compute.set_bind_group(0, &end, &[]);
             compute.dispatch_workgroups(1, 1, 1);
             drop(compute);
@@ -607,10 +642,10 @@ impl Renderer {
     ) {
         self.raster(encoder, timer.render("raster"), work, view);
         let mut compute = begin(encoder, "mark", timer.compute("mark"));
-        compute.set_pipeline(&self.mark_pipeline);
+        compute.set_pipeline(&self.fixed.mark);
         compute.set_bind_group(0, mark, &[]);
         compute.dispatch_workgroups(work.texels[0].div_ceil(8), work.texels[1].div_ceil(8), 1);
-        compute.set_pipeline(&self.plan_pipeline);
+        compute.set_pipeline(&self.fixed.plan);
         compute.set_bind_group(0, plan, &[]);
         compute.dispatch_workgroups(1, 1, 1);
     }
@@ -618,8 +653,8 @@ impl Renderer {
     fn mark_groups(&self, work: &Work) -> [wgpu::BindGroup; 2] {
         let mark = [texture(0, &work.visibility), buffer(1, &work.marks), buffer(2, &work.needed)];
         [
-            self.bind_at(&self.mark_pipeline, &mark),
-            self.bind_at(&self.plan_pipeline, &[buffer(2, &work.needed)]),
+            self.bind_at(&self.fixed.mark, &mark),
+            self.bind_at(&self.fixed.plan, &[buffer(2, &work.needed)]),
         ]
     }
 
@@ -721,21 +756,21 @@ impl Renderer {
         if self.head_corner_count > 0 {
             let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("head"),
-                layout: &self.head_pipeline.get_bind_group_layout(0),
+                layout: &self.fixed.head.get_bind_group_layout(0),
                 entries: &[
                     buffer(0, view),
                     buffer(3, &self.head_positions),
                     buffer(4, &self.head_corners),
                 ],
             });
-            raster.set_pipeline(&self.head_pipeline);
+            raster.set_pipeline(&self.fixed.head);
             raster.set_bind_group(0, &group, &[]);
             raster.draw(0..self.head_corner_count, 0..1);
         }
         if self.segment_count > 0 {
-            let layout = self.hair_pipeline.get_bind_group_layout(0);
+            let layout = self.fixed.hair.get_bind_group_layout(0);
             let group = bind(device, &layout, &[view, &self.strand_points, &self.segments]);
-            raster.set_pipeline(&self.hair_pipeline);
+            raster.set_pipeline(&self.fixed.hair);
             raster.set_bind_group(0, &group, &[]);
             raster.set_index_buffer(self.indices.buffer.slice(..), wgpu::IndexFormat::Uint32);
             raster.draw_indexed(0..6 * self.indices.pieces * self.segment_count, 0, 0..1);

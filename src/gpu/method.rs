@@ -17,7 +17,7 @@ use crate::scattering::{
 };
 use crate::scene::{Bcsdf, Energies, Method, RenderSpec, Scattering};
 
-use super::shaders;
+use super::shaders::Shaders;
 use super::uniforms::FibreUniform;
 
 /// What a frame's scattering is evaluated by.
@@ -31,7 +31,7 @@ pub enum Integrator {
 /// A mode is left out where it holds less than this share of what a fibre scatters.
 const VISIBLE: f64 = 1.0 / 512.0;
 
-/// Group 0 of `shaders::scattering_library`.
+/// Group 0 of `Shaders::scattering_library`.
 #[derive(Clone)]
 pub struct MethodData {
     pub integrator: Integrator,
@@ -59,7 +59,7 @@ fn visible_modes(fast: &Fast) -> u32 {
 }
 
 /// [`fast::Tables::over`], made once for all methods that are there and have the same.
-fn tables_over(layers: &FitLayers, model: Model, nodes: usize) -> Arc<fast::Tables> {
+pub fn tables_over(layers: &FitLayers, model: Model, nodes: usize) -> Arc<fast::Tables> {
     type Known = (FitLayers, Model, usize, Weak<fast::Tables>);
     static KNOWN: Mutex<Vec<Known>> = Mutex::new(Vec::new());
     let same = |known: &Known| {
@@ -167,8 +167,8 @@ impl MethodData {
 
 impl MethodData {
     /// `shader`, put together for this method, as it is to be compiled.
-    pub fn specialised(&self, shader: String) -> String {
-        if self.exact_single { shaders::with_exact_single(&shader) } else { shader }
+    pub fn specialised(&self, shaders: &Shaders, shader: String) -> String {
+        if self.exact_single { shaders.with_exact_single(&shader) } else { shader }
     }
 
     /// The method on the CPU, where frames need what strands make of each other's light.

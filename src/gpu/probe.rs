@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use wgpu::util::DeviceExt;
 
-use super::{Gpu, method::MethodData, shaders};
+use super::{Gpu, method::MethodData};
 
 /// Numbers of one input and of one output (shaders/probe/probe.wgsl).
 pub const INPUTS: usize = 8;
@@ -50,7 +50,8 @@ impl<'a> Probe<'a> {
             "a probe takes 1 to {ITEMS_MAX} inputs"
         );
         let device = &gpu.device;
-        let source = method.specialised(shaders::probe(method.integrator, statement));
+        let source =
+            method.specialised(&gpu.shaders, gpu.shaders.probe(method.integrator, statement));
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("probe"),
             source: wgpu::ShaderSource::Wgsl(source.into()),

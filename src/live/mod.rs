@@ -3,17 +3,25 @@
 //! - [`Session`]: the stages of a frame, each kept with what it was made from: geometry ← hair, head; map; fit ← map,
 //!   lights; lit hair ← fit, rotation; fibres ← fibre, paint; field ← lit hair, fibres. Exposure is a factor.
 //! - [`Worker`]: a session on a thread of its own. Only the newest wish counts.
+//! - [`truth`]: the same picture path traced, on another thread.
 //!
 //! A picture comes in two steps: one in a hurry (smaller, of fewer and wider strands, with the reach of cells of 1/32
 //! and the field that there was), then, once nothing moves, the very frame that `capture` makes.
 
 mod session;
+pub mod truth;
 mod worker;
 
 use std::sync::Arc;
 
-use crate::paint::Paint;
-use crate::scene::Scene;
+use anyhow::{Result, ensure};
+
+use crate::gpu::frame::Frame;
+use crate::gpu::shaders::Shaders;
+use crate::paint::{Fibres, Paint};
+use crate::quality::{Expected, Pick};
+use crate::scene::{EnvironmentSpec, Scene};
+use crate::stage::Geometry;
 
 pub use session::Session;
 pub use worker::Worker;
@@ -28,22 +36,36 @@ pub struct Wish {
     pub size: [u32; 2],
     /// Something is being dragged: no time for more than the hurried picture.
     pub moving: bool,
+    /// In place of the built-in ones; equal where they are the same in memory.
+    pub shaders: Option<Arc<Shaders>>,
 }
 
 impl Wish {
     /// Whether it is the same picture, moving or not.
     pub fn same(&self, other: &Wish) -> bool {
-        let Wish { scene, paint, size, .. } = other;
-        same_paint(&self.paint, paint) && (&self.scene, &self.size) == (scene, size)
+        let Wish { scene, paint, size, shaders, .. } = other;
+        same(&self.paint, paint)
+            && same(&self.shaders, shaders)
+            && (&self.scene, &self.size) == (scene, size)
+    }
+
+    /// The fibre at each point of `stage`.
+    ///
+    /// # Errors
+    /// One line: the paint is of other hair, or cannot be read.
+    pub fn fibres(&self, stage: &Geometry) -> Result<Fibres> {
+        let Some(paint) = &self.paint else { return stage.fibres(&self.scene) };
+        ensure!(
+            paint.points() == stage.hair.points.len(),
+            "the paint is of other hair: it comes back with it"
+        );
+        Ok(Fibres::new(&self.scene.fibre, Some(paint)))
     }
 }
 
 /// Whether two are the same in memory.
-pub fn same_paint(a: &Option<Arc<Paint>>, b: &Option<Arc<Paint>>) -> bool {
-    match (a, b) {
-        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-        (a, b) => a.is_none() && b.is_none(),
-    }
+pub fn same<T>(a: &Option<Arc<T>>, b: &Option<Arc<T>>) -> bool {
+    a.as_ref().map(Arc::as_ptr) == b.as_ref().map(Arc::as_ptr)
 }
 
 /// A picture of a wish.
@@ -59,6 +81,32 @@ pub struct Picture {
     pub quality: String,
     /// Of the scene's camera, relative to the hair's centre: for what is to be put over the picture.
     pub lens: crate::scene::Lens,
+    /// In linear radiance, before the light's exposure.
+    pub frame: Arc<Frame>,
+    /// What that was multiplied by before tone mapping.
+    pub scale: f32,
+    /// What a finished picture cost.
+    pub figures: Option<Arc<Figures>>,
+}
+
+/// Time, counts and the error to expect of a finished picture.
+#[derive(Clone, Debug)]
+pub struct Figures {
+    /// Milliseconds of what was made anew for it, in order.
+    pub stages: Vec<(&'static str, f64)>,
+    /// Strand points shaded, and lights that each may have been shaded with: wide ones are ordinates.
+    pub points: usize,
+    pub lights: usize,
+    /// Lights fitted to the map, and the relative L2 that the fit leaves after a blur of λ = 0.3.
+    pub fitted: usize,
+    pub fit_error: f64,
+    /// The error to expect against path tracing, by cause.
+    pub expected: Expected,
+    /// What other settings are expected to give, the fastest first: see [`crate::quality::front`]. Empty where the
+    /// device tells no times.
+    pub front: Vec<Pick>,
+    /// Milliseconds that the frame itself takes, as `front` counts them.
+    pub frame_ms: Option<f64>,
 }
 
 /// What a session tells while it works.
@@ -73,4 +121,10 @@ pub enum Said {
     Note(String),
     /// In one line, what is wrong with the wish; the last good stage stays.
     Failed(String),
+}
+
+/// The light's exposure is a factor on all of the picture.
+fn unexposed(scene: &Scene) -> Scene {
+    let environment = EnvironmentSpec { exposure: 0.0, ..scene.environment.clone() };
+    Scene { environment, ..scene.clone() }
 }

@@ -1,23 +1,23 @@
 //! The stages of a frame, each kept until what it was made from changes.
 
-use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Result, bail};
 
-use super::{Picture, Said, Wish, same_paint};
+use super::{Figures, Picture, Said, Wish, same, unexposed};
 use crate::capture::{background, parts};
 use crate::environment::{self, Loaded};
 use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Renderer};
 use crate::gpu::method::MethodData;
+use crate::gpu::shaders::Shaders;
 use crate::image::display_bytes;
 use crate::light::{LitHair, Medium};
 use crate::paint::{Fibres, Paint};
-use crate::quality::Settings;
-use crate::scene::{EnvironmentSpec, FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
+use crate::quality::{self, Costs, Facts, Settings};
+use crate::scene::{FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
 use crate::srbf::{self, Fit};
 use crate::stage::{Geometry, exposure_scale, shaded_lights};
 use crate::transport::Detail;
@@ -53,21 +53,15 @@ struct Body {
     coarse: Medium,
 }
 
-/// Lit hair, and how well.
-struct Lighting {
-    lit: LitHair,
-    /// By [`Body::coarse`], to the grid's samples alone.
-    coarse: bool,
-    known: HashSet<u32>,
-    /// The points of hurried pictures, and their reach as cells have it.
-    rough: Option<(Vec<u32>, Vec<Vec<u32>>)>,
-}
+/// The fit and its rotation that hair is lit by.
+type Turned = (u64, f64);
 
 /// How a picture was made: see [`Picture`].
 struct How {
-    finished: bool,
     ms: f64,
     quality: String,
+    /// Of a finished one.
+    figures: Option<Figures>,
 }
 
 /// All that frames of a changing scene are made from.
@@ -76,9 +70,15 @@ pub struct Session {
     body: Option<Made<Shape, Body>>,
     map: Option<Made<String, Loaded>>,
     fit: Option<Made<(String, u32), Fit>>,
-    lighting: Option<Made<(u64, f64), Lighting>>,
+    /// Lit through [`Body::coarse`], to the grid's samples alone, and through [`Body::medium`].
+    coarse: Option<Made<Turned, LitHair>>,
+    whole: Option<Made<Turned, LitHair>>,
+    /// Points of the last whole picture.
+    seen: Vec<u32>,
     method: Option<Made<Look, MethodData>>,
     paint: Option<Arc<Paint>>,
+    /// Those that were tried last.
+    shaders: Option<Arc<Shaders>>,
     field: Option<Made<(u64, u64), Option<Field>>>,
     /// Counts what lighting and fibres were made, for what follows from them.
     lit: u64,
@@ -89,6 +89,9 @@ pub struct Session {
     hurry_pixels: f64,
     /// The wish of the last hurried picture, as if nothing moved.
     hurried: Option<Wish>,
+    /// Milliseconds of what was made for the whole picture under way.
+    stages: Vec<(&'static str, f64)>,
+    facts: Option<Made<(u64, u64), Facts>>,
 }
 
 /// Told, from any thread, what goes on.
@@ -103,9 +106,12 @@ impl Default for Session {
             body: None,
             map: None,
             fit: None,
-            lighting: None,
+            coarse: None,
+            whole: None,
+            seen: Vec::new(),
             method: None,
             paint: None,
+            shaders: None,
             field: None,
             lit: 0,
             fits: 0,
@@ -113,6 +119,8 @@ impl Default for Session {
             hurry_ready: None,
             hurry_pixels: HURRY_PIXELS[1],
             hurried: None,
+            stages: Vec::new(),
+            facts: None,
         }
     }
 }
@@ -143,6 +151,7 @@ impl Session {
     fn try_see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
         let scene = &wish.scene;
         self.make_body(scene, say)?;
+        self.make_shaders(wish, say);
         self.make_map(scene, say)?;
         self.make_fit(scene, go_on, say)?;
         self.make_method(wish)?;
@@ -154,7 +163,9 @@ impl Session {
         if wish.moving || !go_on() {
             return Ok(wish.moving);
         }
+        let begun = Instant::now();
         self.make_lighting(scene, false, go_on, say)?;
+        self.stages = vec![("light through hair", ms_since(begun))];
         self.finish(wish, go_on, say)
     }
 
@@ -176,18 +187,34 @@ impl Session {
         let method = MethodData::new(scene.fibre.model, even, &scene.render)?;
         let gpu = match self.gpu.take() {
             Some(made) if has_gpu => made.it.gpu,
-            _ => Gpu::new(adapter)?,
+            _ => {
+                self.shaders = None;
+                Gpu::new(adapter)?
+            }
         };
         let renderer = Renderer::new(gpu, &method, &stage)?;
         self.gpu = Some(Made { from: adapter.clone(), it: renderer });
         say(Said::Geometry(stage.clone()));
         self.body = Some(Made { from, it: Body { stage, medium, coarse } });
-        self.lighting = None;
+        (self.coarse, self.whole) = (None, None);
         self.method = None;
         self.field = None;
         self.hurry_ready = None;
         self.set_map(scene);
         Ok(())
+    }
+
+    /// Tells what is wrong with shaders, and goes on with the last good ones.
+    fn make_shaders(&mut self, wish: &Wish, say: Say) {
+        let Some(renderer) = self.gpu.as_mut().filter(|_| !same(&self.shaders, &wish.shaders))
+        else {
+            return;
+        };
+        let built_in = Shaders::default();
+        if let Err(error) = renderer.it.set_shaders(wish.shaders.as_deref().unwrap_or(&built_in)) {
+            say(Said::Failed(format!("{error:#}")));
+        }
+        self.shaders = wish.shaders.clone();
     }
 
     fn make_map(&mut self, scene: &Scene, say: Say) -> Result<()> {
@@ -230,19 +257,11 @@ impl Session {
         let Wish { scene, paint, .. } = wish;
         let render = RenderSpec { samples: None, quality: None, ..scene.render.clone() };
         let from = (scene.fibre.clone(), render, scene.hair.paint.clone());
-        if same_paint(paint, &self.paint)
-            && self.method.as_ref().is_some_and(|made| made.from == from)
-        {
+        if same(paint, &self.paint) && self.method.as_ref().is_some_and(|made| made.from == from) {
             return Ok(());
         }
         let Some(body) = &self.body else { bail!("no hair") };
-        let fibres = match paint {
-            Some(paint) if paint.points() != body.it.stage.hair.points.len() => {
-                bail!("the paint is of other hair: it comes back with it")
-            }
-            Some(paint) => Fibres::new(&scene.fibre, Some(paint)),
-            None => body.it.stage.fibres(scene)?,
-        };
+        let fibres = wish.fibres(&body.it.stage)?;
         let it = MethodData::new(scene.fibre.model, fibres, &scene.render)?;
         if let Some(renderer) = &mut self.gpu {
             renderer.it.set_method(&it);
@@ -257,28 +276,34 @@ impl Session {
     fn make_lighting(&mut self, scene: &Scene, hurry: bool, go_on: GoOn, say: Say) -> Result<()> {
         let (Some(body), Some(fit)) = (&self.body, &self.fit) else { bail!("no hair or light") };
         let from = (self.fits, scene.environment.rotation_deg);
-        let good =
-            |made: &Made<(u64, f64), Lighting>| made.from == from && (hurry || !made.it.coarse);
-        if self.lighting.as_ref().is_some_and(good) {
+        let good = |made: &Option<Made<Turned, LitHair>>| {
+            made.as_ref().is_some_and(|made| made.from == from)
+        };
+        if good(&self.whole) || hurry && good(&self.coarse) {
             return Ok(());
         }
+        if !good(&self.coarse)
+            && let Some(renderer) = &mut self.gpu
+        {
+            renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
+        }
         let lights = shaded_lights(&fit.it.lights, &unexposed(scene));
-        let medium = if hurry { &body.it.coarse } else { &body.it.medium };
-        let turned = self.lighting.as_ref().is_none_or(|made| made.from != from);
-        let lit = medium.bring(&body.it.stage, lights, &[], &|done| {
+        let (medium, made) = match hurry {
+            true => (&body.it.coarse, &mut self.coarse),
+            false => (&body.it.medium, &mut self.whole),
+        };
+        /// Of no fit.
+        const NOT_YET: Turned = (u64::MAX, 0.0);
+        let begun = made.get_or_insert_with(|| Made { from: NOT_YET, it: LitHair::default() });
+        begun.it.retain(&body.it.stage, &self.seen);
+        medium.relight(&body.it.stage, &mut begun.it, lights, &|done| {
             if !hurry {
                 say(Said::Progress("light through hair", done));
             }
             hurry || go_on()
         })?;
-        self.lighting = Some(Made {
-            from,
-            it: Lighting { lit, coarse: hurry, known: HashSet::new(), rough: None },
-        });
+        begun.from = from;
         self.lit += 1;
-        if let Some(renderer) = self.gpu.as_mut().filter(|_| turned) {
-            renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
-        }
         Ok(())
     }
 
@@ -289,22 +314,20 @@ impl Session {
         let share = (self.hurry_pixels / pixels(wish.size)).sqrt().min(1.0);
         let size = wish.size.map(|s| (f64::from(s) * share).round().max(1.0) as u32);
         let asked = parts(scene.render.scattering);
-        let (lit, ready) = (self.lit, self.hurry_ready);
-        let Some((body, renderer, lighting, _)) = self.parts() else { bail!("no hair") };
+        let (now, ready) = (self.lit, self.hurry_ready);
+        let turned = (self.fits, scene.environment.rotation_deg);
+        let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, size)?;
         let thinning = stage.hair.points.len().div_ceil(HURRY_POINTS).max(1);
-        if ready != Some(lit) {
-            let (points, reach) = lighting.rough.get_or_insert_with(|| {
-                let strands = stage.hair.strands().step_by(thinning);
-                let points: Vec<u32> = strands.flatten().map(|i| i as u32).collect();
-                let reach = body.medium.rough_reach(stage, &lighting.lit, &points);
-                (points, reach)
-            });
+        if ready != Some(now) {
+            let strands = stage.hair.strands().step_by(thinning);
+            let points: Vec<u32> = strands.flatten().map(|i| i as u32).collect();
+            body.medium.roughen(stage, lit, &points);
             renderer.set_thinning(thinning as u32);
             renderer.negligible = HURRY_NEGLIGIBLE;
             renderer.lights_a_group = usize::MAX;
-            lighting.lit.show_at(renderer, points, reach);
+            lit.show_rough(renderer, &points);
         }
         if !asked.multiple() {
             renderer.clear_field();
@@ -314,10 +337,10 @@ impl Session {
             1 => String::new(),
             n => format!(", 1 of {n} strands"),
         };
-        self.hurry_ready = Some(lit);
-        let ms = 1e3 * begun.elapsed().as_secs_f64();
+        self.hurry_ready = Some(now);
+        let ms = ms_since(begun);
         let quality = format!("{} × {}, 4 samples{strands}", size[0], size[1]);
-        self.say_picture(wish, &frame, &lens, How { finished: false, ms, quality }, say)?;
+        self.say_picture(wish, frame, &lens, How { ms, quality, figures: None }, say)?;
         let wanted = self.hurry_pixels * (HURRY_MS / ms.max(1.0)).powf(0.7);
         self.hurry_pixels = wanted.clamp(HURRY_PIXELS[0], 1e7);
         Ok(())
@@ -330,37 +353,45 @@ impl Session {
         let asked = parts(scene.render.scattering);
         let settings = Settings::of(scene);
         self.hurry_ready = None;
-        let Some((body, renderer, lighting, _)) = self.parts() else { bail!("no hair") };
+        let turned = (self.fits, scene.environment.rotation_deg);
+        let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, wish.size)?;
         renderer.set_thinning(1);
         renderer.negligible = settings.negligible;
         renderer.lights_a_group = LIGHTS_A_LOOK;
         let seen = renderer.visible_points(&[lens], stage.pieces(&lens), settings.samples)?;
+        let seen_ms = ms_since(begun);
         if !go_on() {
             return Ok(false);
         }
-        let new: Vec<u32> = seen.iter().copied().filter(|i| !lighting.known.contains(i)).collect();
+        let begun_light = Instant::now();
+        let new = lit.missing(stage, &seen);
         if !new.is_empty() {
-            body.medium.extend(stage, &mut lighting.lit, &new, &|done| {
+            body.medium.extend(stage, lit, &new, &|done| {
                 say(Said::Progress("light through hair", done));
                 go_on()
             })?;
-            lighting.known.extend(&new);
         }
+        self.seen = seen;
+        self.stages[0].1 += ms_since(begun_light);
         let from = (self.lit, self.fibres);
+        let begun_field = Instant::now();
         if self.field.as_ref().is_none_or(|made| made.from != from) && asked.multiple() {
-            let Some((body, _, lighting, method)) = self.parts() else { bail!("no hair") };
-            let it = lighting.lit.field(&body.stage, &body.medium, method, &|done| {
+            let Some((body, _, lit, method)) = self.parts(turned) else { bail!("no hair") };
+            let it = lit.field(&body.stage, &body.medium, method, &|done| {
                 say(Said::Progress("light between strands", done));
                 go_on()
             })?;
             self.field = Some(Made { from, it });
         }
         let field = self.field.take().filter(|_| asked.multiple());
-        let Some((_, renderer, lighting, method)) = self.parts() else { bail!("no hair") };
-        lighting.lit.show(renderer, method, field.as_ref().and_then(|made| made.it.as_ref()));
+        let Some((_, renderer, lit, method)) = self.parts(turned) else { bail!("no hair") };
+        lit.show(renderer, method, field.as_ref().and_then(|made| made.it.as_ref()));
         self.field = field;
+        let begun_frame = Instant::now();
+        self.stages
+            .extend([("what is seen", seen_ms), ("light between strands", ms_since(begun_field))]);
         say(Said::Progress("shading", 0.5));
         let Some(renderer) = self.gpu.as_mut() else { bail!("no device") };
         let looked = || go_on();
@@ -372,26 +403,71 @@ impl Session {
             Some(&looked),
         )?;
         let Some(frame) = frame else { return Ok(false) };
-        let ms = 1e3 * begun.elapsed().as_secs_f64();
+        self.stages.push(("the frame", ms_since(begun_frame)));
+        let ms = ms_since(begun);
+        let figures = self.figures(scene, &settings, &frame, &lens)?;
         let [width, height] = wish.size;
         let quality = format!(
             "{width} × {height}, {} samples, {} points",
             settings.samples,
             frame.shaded.len()
         );
-        self.say_picture(wish, &frame, &lens, How { finished: true, ms, quality }, say)?;
+        self.say_picture(wish, frame, &lens, How { ms, quality, figures: Some(figures) }, say)?;
         Ok(true)
+    }
+
+    /// What a finished frame cost, and the error to expect of it.
+    fn figures(
+        &mut self,
+        scene: &Scene,
+        settings: &Settings,
+        frame: &Frame,
+        lens: &Lens,
+    ) -> Result<Figures> {
+        let multiple = parts(scene.render.scattering).multiple();
+        let from = (self.lit, self.fibres);
+        let Some(fit) = &self.fit else { bail!("no light") };
+        let (Some(body), Some(lit), Some(method)) = (&self.body, &self.whole, &self.method) else {
+            bail!("no hair")
+        };
+        let lights = &lit.it.lights;
+        let mut facts = match self.facts.take().filter(|made| made.from == from) {
+            Some(made) => made.it,
+            None => Facts::new(&method.it, lights, 1.0, multiple),
+        };
+        facts.multiple = multiple;
+        facts.width_px = f64::from(body.it.stage.diameter) * lens.pixels_per_unit() / lens.distance;
+        self.facts = Some(Made { from, it: facts });
+        let (fitted, fit_error) = (fit.it.lights.len(), fit.it.relative_l2_blurred_0_30);
+        let (points, lights) = (frame.shaded.len(), lights.len());
+        let shade = frame.passes.get("shade").copied();
+        let costs = shade.map(|shade_ms| {
+            let rest_ms = frame.passes.values().sum::<f64>() - shade_ms;
+            Costs::measured(settings, points, lights, shade_ms, rest_ms)
+        });
+        Ok(Figures {
+            stages: self.stages.clone(),
+            points,
+            lights,
+            fitted,
+            fit_error,
+            expected: facts.expected(settings, fit_error),
+            front: costs.map_or(Vec::new(), |costs| {
+                quality::front(&facts, &costs, (settings.lights, fit_error))
+            }),
+            frame_ms: costs.map(|costs| costs.frame_ms(settings)),
+        })
     }
 
     fn say_picture(
         &self,
         wish: &Wish,
-        frame: &Frame,
+        frame: Frame,
         lens: &Lens,
         how: How,
         say: Say,
     ) -> Result<()> {
-        let How { finished, ms, quality } = how;
+        let How { ms, quality, figures } = how;
         let Some(map) = &self.map else { bail!("no light") };
         if frame.pixels.iter().flatten().any(|v| !v.is_finite()) {
             bail!(
@@ -403,18 +479,39 @@ impl Session {
         let scale = exposure_scale(scene, &map.it.environment) * gain;
         let rgba = display_bytes(&frame.pixels, scale);
         let lens = Lens { size: frame.size, ..*lens };
-        say(Said::Picture(Picture { size: frame.size, rgba, finished, ms, quality, lens }));
+        let (size, finished) = (frame.size, figures.is_some());
+        let (frame, figures) = (Arc::new(frame), figures.map(Arc::new));
+        say(Said::Picture(Picture {
+            size,
+            rgba,
+            finished,
+            ms,
+            quality,
+            lens,
+            frame,
+            scale,
+            figures,
+        }));
         Ok(())
     }
 
-    fn parts(&mut self) -> Option<(&Body, &mut Renderer, &mut Lighting, &MethodData)> {
+    /// With the best lighting that there is, turned so.
+    fn parts(
+        &mut self,
+        turned: Turned,
+    ) -> Option<(&Body, &mut Renderer, &mut LitHair, &MethodData)> {
+        let mut lit = [&mut self.whole, &mut self.coarse].into_iter().flatten();
         Some((
             &self.body.as_ref()?.it,
             &mut self.gpu.as_mut()?.it,
-            &mut self.lighting.as_mut()?.it,
+            &mut lit.find(|made| made.from == turned)?.it,
             &self.method.as_ref()?.it,
         ))
     }
+}
+
+fn ms_since(begun: Instant) -> f64 {
+    1e3 * begun.elapsed().as_secs_f64()
 }
 
 fn pixels([width, height]: [u32; 2]) -> f64 {
@@ -426,12 +523,6 @@ fn lens(stage: &Geometry, scene: &Scene, size: [u32; 2]) -> Result<Lens> {
     let mut scene = scene.clone();
     scene.output.size = size;
     Ok(stage.camera(&scene)?.lens(stage.center, size))
-}
-
-/// The light's exposure is a factor on all of the picture.
-fn unexposed(scene: &Scene) -> Scene {
-    let environment = EnvironmentSpec { exposure: 0.0, ..scene.environment.clone() };
-    Scene { environment, ..scene.clone() }
 }
 
 /// What stands behind the hair, before that factor.

@@ -79,10 +79,38 @@ pub struct Noise {
     pub relative_l2_without: f64,
 }
 
+impl Report {
+    /// Relative L2 without what is known to be noise.
+    pub fn error(&self) -> f64 {
+        self.noise.map_or(self.relative_l2, |noise| noise.relative_l2_without)
+    }
+}
+
 /// Judges `frame` by `truth`. Errors: sizes that differ, a value that is not finite or a variance below 0
 /// (with its pixel), no pixel that counts, a truth that is black.
 pub fn compare(frame: &Picture, truth: &Picture) -> Result<Report> {
     let pair = Pair::new(frame, truth)?;
+    Ok(report(&pair, &pair.flip()))
+}
+
+/// How far a frame is from the truth, and where. The pictures are sRGB, row by row.
+pub struct Judged {
+    pub report: Report,
+    /// The difference of luminance: red where the frame is brighter, blue where it is darker, full at the truth's mean.
+    pub signed: Vec<[u8; 3]>,
+    /// FLIP in the magma colours.
+    pub flip: Vec<[u8; 3]>,
+}
+
+/// [`compare`], and pictures of the difference. Errors as there.
+pub fn judge(frame: &Picture, truth: &Picture) -> Result<Judged> {
+    let pair = Pair::new(frame, truth)?;
+    let flip = pair.flip();
+    Ok(Judged { report: report(&pair, &flip), signed: pair.signed(), flip: in_magma(&flip) })
+}
+
+fn report(pair: &Pair, flip: &[f32]) -> Report {
+    let Pair { frame, truth, .. } = pair;
     let (a, b, w) = (&frame.rgb, &truth.rgb, &pair.weights);
     let channels = || (0..3 * w.len()).map(|i| (i / 3, i % 3));
     let total = 3.0 * w.iter().sum::<f64>();
@@ -101,8 +129,8 @@ pub fn compare(frame: &Picture, truth: &Picture) -> Result<Report> {
         .filter(|&(i, _)| w[i] > 0.0)
         .map(|(i, c)| (squared(i, c).sqrt(), i))
         .fold((0.0, 0), |most, this| if this.0 > most.0 { this } else { most });
-    let flip = pair.flip();
-    let variances: Vec<_> = [frame, truth].iter().filter_map(|p| p.variance.as_ref()).collect();
+    let variances: Vec<_> =
+        [frame, truth].into_iter().filter_map(|p| p.variance.as_ref()).collect();
     let noise = (!variances.is_empty()).then(|| {
         let variance = mean(&|i, c| variances.iter().map(|v| f64::from(v[i][c])).sum());
         let (noise, error) = (variance / norm, relative_l2 * relative_l2);
@@ -116,7 +144,7 @@ pub fn compare(frame: &Picture, truth: &Picture) -> Result<Report> {
         let apart: f64 = a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum();
         apart / b.iter().map(|&b| f64::from(b)).sum::<f64>()
     });
-    Ok(Report {
+    Report {
         frame: frame.name.clone(),
         truth: truth.name.clone(),
         width: truth.size[0],
@@ -130,52 +158,46 @@ pub fn compare(frame: &Picture, truth: &Picture) -> Result<Report> {
             (below != 0.0).then(|| sum(a, c) / below)
         }),
         flip_mean: flip.iter().zip(w).map(|(f, w)| f64::from(*f) * w).sum::<f64>() * 3.0 / total,
-        flip_p99: percentile(&flip, w, 0.99),
+        flip_p99: percentile(flip, w, 0.99),
         max_abs,
         max_abs_at: [worst % truth.size[0], worst / truth.size[0]],
         coverage_difference,
         noise,
         exposure_scale: pair.scale,
-    })
+    }
 }
 
-/// Four pictures side by side, for eyes: the frame and the truth, tone mapped; the signed difference of
-/// luminance (red where the frame is brighter, blue where it is darker, full at the truth's mean); and FLIP
-/// in the magma colours. Errors as of [`compare`].
+/// Four pictures side by side, for eyes: the frame and the truth, tone mapped, and those of [`Judged`]. Errors as of
+/// [`compare`].
 pub fn difference_picture(frame: &Picture, truth: &Picture) -> Result<RgbImage> {
     /// Pixels between pictures.
     const GAP: usize = 4;
     let pair = Pair::new(frame, truth)?;
-    let flip = pair.flip();
     let [width, height] = truth.size;
-    let signed = |i: usize| {
-        let apart = luminance(frame.rgb[i]) - luminance(truth.rgb[i]);
-        let apart = apart * pair.scale as f32 / EXPOSED_MEAN as f32;
-        let (more, less) = (apart.clamp(0.0, 1.0), (-apart).clamp(0.0, 1.0));
-        [more + 0.1 * less, 0.25 * (more + less), less + 0.05 * more].map(srgb8)
-    };
-    let magma = nv_flip::magma_lut().to_vec();
-    let panels: [&dyn Fn(usize) -> [u8; 3]; 4] = [
-        &|i| pair.shown(frame.rgb[i]),
-        &|i| pair.shown(truth.rgb[i]),
-        &|i| if pair.weights[i] > 0.0 { signed(i) } else { [0; 3] },
-        &|i| {
-            let at = 3 * (255.0 * flip[i].clamp(0.0, 1.0)).round() as usize;
-            [magma[at], magma[at + 1], magma[at + 2]]
-        },
-    ];
+    let shown = |picture: &Picture| picture.rgb.iter().map(|&p| pair.shown(p)).collect();
+    let panels: [Vec<[u8; 3]>; 4] =
+        [shown(frame), shown(truth), pair.signed(), in_magma(&pair.flip())];
     let mut picture = RgbImage::from_pixel(
         (panels.len() * (width + GAP) - GAP) as u32,
         height as u32,
         Rgb([255; 3]),
     );
     for (k, panel) in panels.iter().enumerate() {
-        for i in 0..width * height {
+        for (i, &rgb) in panel.iter().enumerate() {
             let x = (k * (width + GAP) + i % width) as u32;
-            picture.put_pixel(x, (i / width) as u32, Rgb(panel(i)));
+            picture.put_pixel(x, (i / width) as u32, Rgb(rgb));
         }
     }
     Ok(picture)
+}
+
+fn in_magma(flip: &[f32]) -> Vec<[u8; 3]> {
+    let magma = nv_flip::magma_lut().to_vec();
+    let of = |&value: &f32| {
+        let at = 3 * (255.0 * value.clamp(0.0, 1.0)).round() as usize;
+        [magma[at], magma[at + 1], magma[at + 2]]
+    };
+    flip.iter().map(of).collect()
 }
 
 /// Two pictures that can be compared, and what pixels count.
@@ -231,6 +253,18 @@ impl<'a> Pair<'a> {
     /// sRGB bytes of a radiance.
     fn shown(&self, rgb: [f32; 3]) -> [u8; 3] {
         tone_map(rgb.map(|c| c * self.scale as f32)).map(srgb8)
+    }
+
+    /// See [`Judged::signed`].
+    fn signed(&self) -> Vec<[u8; 3]> {
+        let of = |i: usize| {
+            let apart = luminance(self.frame.rgb[i]) - luminance(self.truth.rgb[i]);
+            let apart = apart * self.scale as f32 / EXPOSED_MEAN as f32;
+            let (more, less) = (apart.clamp(0.0, 1.0), (-apart).clamp(0.0, 1.0));
+            [more + 0.1 * less, 0.25 * (more + less), less + 0.05 * more].map(srgb8)
+        };
+        let counts = |i: usize| self.weights[i] > 0.0;
+        (0..self.weights.len()).map(|i| if counts(i) { of(i) } else { [0; 3] }).collect()
     }
 
     /// FLIP for each pixel.

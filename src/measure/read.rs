@@ -8,6 +8,8 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use exr::prelude::{FlatImage, Layer, ReadChannels, ReadLayers, read};
 
 use crate::file::catch_panic;
+use crate::gpu::frame::Frame;
+use crate::reference::tracer::film::Film;
 
 /// 16384 × 16384.
 const MAX_PIXELS: usize = 1 << 28;
@@ -46,6 +48,31 @@ impl Picture {
             layer => format!("{} ({layer})", path.display()),
         };
         Ok(picture)
+    }
+
+    /// What a path-traced film holds.
+    pub fn of_film(film: &Film, name: &str) -> Picture {
+        let count = 0..film.pixels.len();
+        let mean: Vec<[f64; 4]> = count.clone().map(|i| film.mean(i)).collect();
+        Picture {
+            name: name.to_owned(),
+            size: film.size.map(|n| n as usize),
+            rgb: mean.iter().map(|p| [0, 1, 2].map(|c| p[c] as f32)).collect(),
+            alpha: Some(mean.iter().map(|p| p[3] as f32).collect()),
+            hair: Some(count.clone().map(|i| film.hair_coverage(i) as f32).collect()),
+            variance: Some(count.map(|i| film.variance(i).map(|v| v as f32)).collect()),
+        }
+    }
+
+    pub fn of_frame(frame: &Frame) -> Picture {
+        Picture {
+            name: "the frame".to_owned(),
+            size: frame.size.map(|n| n as usize),
+            rgb: frame.pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+            alpha: Some(frame.pixels.iter().map(|p| p[3]).collect()),
+            hair: Some(frame.hair_coverage.clone()),
+            variance: None,
+        }
     }
 
     /// The colour layer of a file; its name is the layer's.

@@ -173,10 +173,10 @@ fn finite(variance: f64) -> f32 {
 }
 
 /// A view of the scene, to put behind a film what is seen past the hair.
-struct Shot<'a> {
-    scene: &'a Scene,
-    map: &'a Environment,
-    lens: &'a Lens,
+pub struct Shot<'a> {
+    pub scene: &'a Scene,
+    pub map: &'a Environment,
+    pub lens: &'a Lens,
 }
 
 impl Shot<'_> {
@@ -198,7 +198,7 @@ impl Shot<'_> {
     }
 
     /// The film over its backdrop, premultiplied RGB and alpha.
-    fn composed(&self, film: &Film) -> Vec<[f32; 4]> {
+    pub fn composed(&self, film: &Film) -> Vec<[f32; 4]> {
         (0..film.pixels.len())
             .map(|i| {
                 let (front, back) = (film.mean(i), self.backdrop(i));

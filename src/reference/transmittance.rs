@@ -153,7 +153,7 @@ impl<'a> RealStrands<'a> {
         &self,
         points: &[u32],
         lights: &[SrbfLight],
-        reach: &[Vec<u32>],
+        reach: &[&[u32]],
         pairs: usize,
     ) -> DeltaT {
         let count = pairs.min(points.len() * lights.len());

@@ -150,23 +150,32 @@ impl Occluders<'_> {
         open
     }
 
-    /// One light (world frame): its reach at each of `points`, and the irradiance, linear RGB, that
-    /// comes through the hair to each vertex of the head.
-    /// `Reach::beyond` is 0 unless asked for.
-    pub fn reach(
+    /// One light (world frame): its reach at each of `points`; `Reach::beyond` is 0 unless asked for.
+    pub fn reach(&self, light: &SrbfLight, points: &[Vec3], beyond: bool) -> Vec<Reach> {
+        self.reach_and_irradiance(light, points, beyond, false).0
+    }
+
+    /// The irradiance that comes of a light (world frame) of radiance 1, whatever its own, through the hair to each
+    /// vertex of the head.
+    pub fn irradiance(&self, light: &SrbfLight) -> Vec<f32> {
+        self.reach_and_irradiance(light, &[], false, true).1
+    }
+
+    fn reach_and_irradiance(
         &self,
         light: &SrbfLight,
         points: &[Vec3],
         beyond: bool,
-    ) -> (Vec<Reach>, Vec<Vec3>) {
+        head: bool,
+    ) -> (Vec<Reach>, Vec<f32>) {
         let directions = lobe_directions(light);
         let weight = 1.0 / directions.len() as f32;
-        let irradiance =
-            Vec3::from(light.rgb.map(|c| (c * lobe_integral(light.lambda)) as f32)) * weight;
+        let irradiance = lobe_integral(light.lambda) as f32 * weight;
         let mut means = vec![Reach::default(); points.len()];
-        let vertices = self.head.map_or(&[][..], |head| &head.positions);
-        let normals = self.head.map_or(&[][..], |head| &head.normals);
-        let mut received = vec![Vec3::ZERO; vertices.len()];
+        let lit = self.head.filter(|_| head);
+        let vertices = lit.map_or(&[][..], |head| &head.positions);
+        let normals = lit.map_or(&[][..], |head| &head.normals);
+        let mut received = vec![0.0; vertices.len()];
         for way in self.ways(&directions) {
             for (mean, &p) in means.iter_mut().zip(points) {
                 let (open, tau, behind) = way.look(self.volume.to_cells(p));
@@ -192,55 +201,57 @@ impl Occluders<'_> {
     }
 }
 
-/// What all lights bring.
-#[derive(Clone)]
-pub struct Transport {
-    /// Packed [`Reach`]: `reach[j][i]` is light j at point i.
-    pub reach: Vec<Vec<u32>>,
-    /// T̃ of light j at sample i: `samples[j][i]`.
-    pub samples: Vec<Vec<f32>>,
-    /// Irradiance at the head's vertices, linear RGB; empty without a head.
-    pub head_irradiance: Vec<Vec3>,
+/// What one light brings, whatever its colour.
+#[derive(Clone, Debug, Default)]
+pub struct Brought {
+    /// Packed [`Reach`] at each point.
+    pub reach: Vec<u32>,
+    /// T̃ at each sample.
+    pub samples: Vec<f32>,
+    /// Irradiance at each vertex of the head from a light of radiance 1; empty without a head.
+    pub head: Vec<f32>,
     /// Look-ups of optical depth that this took: of a place along a direction.
     pub looks: u64,
 }
 
-/// The transport of `lights` to `points`, to `samples` of which T̃ alone is known, and to the head.
-/// `tick` is called once a light is done; false cancels, and the result is then None.
+/// Where light is brought to.
+#[derive(Clone, Copy, Default)]
+pub struct Places<'a> {
+    pub points: &'a [Vec3],
+    /// Of which T̃ alone is known.
+    pub samples: &'a [Vec3],
+    /// Whether to the head.
+    pub head: bool,
+    /// Whether [`Reach::beyond`] is wanted.
+    pub beyond: bool,
+}
+
+/// The transport of each of `lights`; a black one has none: 0 at points and samples, nothing for the head. `tick` is
+/// called once a light is done; false cancels, and the result is then None.
 pub fn transport(
     occluders: &Occluders,
     lights: &[SrbfLight],
-    points: &[Vec3],
-    samples: &[Vec3],
-    beyond: bool,
+    to: &Places,
     tick: &(dyn Fn() -> bool + Sync),
-) -> Option<Transport> {
-    let places = [points, samples].concat();
-    let dark = |light: &SrbfLight| light.rgb == [0.0; 3];
-    let vertices = occluders.head.map_or(0, |head| head.positions.len());
-    let mut all = Transport {
-        reach: Vec::new(),
-        samples: Vec::new(),
-        head_irradiance: vec![Vec3::ZERO; vertices],
-        looks: 0,
-    };
-    let each: Option<Vec<(Vec<Reach>, Vec<Vec3>)>> = lights
-        .par_iter()
-        .map(|light| {
-            let none = || (vec![Reach::default(); places.len()], Vec::new());
-            let brought =
-                if dark(light) { none() } else { occluders.reach(light, &places, beyond) };
-            tick().then_some(brought)
-        })
-        .collect();
-    for ((reach, irradiance), light) in each?.into_iter().zip(lights) {
-        let (of_points, of_samples) = reach.split_at(points.len());
-        all.reach.push(of_points.iter().map(|reach| reach.pack()).collect());
-        all.samples.push(of_samples.iter().map(|reach| reach.direct).collect());
-        all.head_irradiance.iter_mut().zip(irradiance).for_each(|(sum, e)| *sum += e);
-        if !dark(light) {
-            all.looks += (lobe_directions(light).len() * (places.len() + vertices)) as u64;
+) -> Option<Vec<Brought>> {
+    let places = [to.points, to.samples].concat();
+    let bring = |light: &SrbfLight| {
+        if light.rgb == [0.0; 3] {
+            let (reach, samples) = (vec![0; to.points.len()], vec![0.0; to.samples.len()]);
+            return Brought { reach, samples, ..Brought::default() };
         }
-    }
-    Some(all)
+        let (reach, head) = occluders.reach_and_irradiance(light, &places, to.beyond, to.head);
+        let (of_points, of_samples) = reach.split_at(to.points.len());
+        Brought {
+            reach: of_points.iter().map(|reach| reach.pack()).collect(),
+            samples: of_samples.iter().map(|reach| reach.direct).collect(),
+            looks: (lobe_directions(light).len() * (places.len() + head.len())) as u64,
+            head,
+        }
+    };
+    let each = |light| {
+        let brought = bring(light);
+        tick().then_some(brought)
+    };
+    lights.par_iter().map(each).collect()
 }

@@ -53,6 +53,7 @@ impl Editor {
                 if ui.button("Frame the hair").clicked() {
                     viewport::frame(&mut self.document.scene, self.stage.as_deref());
                 }
+                ui.checkbox(&mut self.truth.on, "Truth beside the frame");
                 let mut turning = self.turning.is_some();
                 if ui.checkbox(&mut turning, "Turntable").clicked() {
                     self.turning = turning.then(Instant::now);
@@ -101,6 +102,7 @@ impl Editor {
             self.brush_panel(ui);
             ui.separator();
         }
+        self.truth_section(ui);
         self.history_panel(ui);
     }
 

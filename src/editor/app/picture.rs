@@ -21,10 +21,13 @@ impl Editor {
         self.rect = Some(rect);
         let response = ui.allocate_rect(room, egui::Sense::click_and_drag());
         fields::name_it(&response, "Picture");
-        self.shown.paint(ui, rect);
+        self.shown.pane.paint(ui, rect, rect);
+        self.paint_truth(ui, rect);
         let ctx = ui.ctx().clone();
         self.drag_over(&ctx, &response, rect);
-        if let Some(at) = response.hover_pos().filter(|_| self.tool == Tool::Paint) {
+        if response.hover_pos().is_some_and(|at| self.truth.divides(at, rect)) {
+            ctx.set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+        } else if let Some(at) = response.hover_pos().filter(|_| self.tool == Tool::Paint) {
             let color = match self.brush.channel {
                 Channel::Absorption => {
                     let sigma_a = self.brush.value.map(|root| f64::from(root * root));
@@ -49,7 +52,9 @@ impl Editor {
         let (modifiers, delta) = ctx.input(|i| (i.modifiers, i.pointer.delta()));
         let by = |button| response.drag_started_by(button);
         if by(egui::PointerButton::Primary) {
+            let origin = ctx.input(|i| i.pointer.press_origin());
             self.drag = Some(match (self.tool, modifiers) {
+                _ if origin.is_some_and(|at| self.truth.divides(at, rect)) => Drag::Divider,
                 (_, m) if m.shift => Drag::Light,
                 (Tool::Paint, m) if m.alt => Drag::Size,
                 (Tool::Paint, _) => Drag::Stroke,
@@ -81,6 +86,7 @@ impl Editor {
                         viewport::pan(scene, stage, &picture.lens, delta, rect.height());
                     }
                 }
+                Some(Drag::Divider) => self.truth.divide(delta.x / rect.width().max(1.0)),
                 Some(Drag::Stroke) | None => {}
             }
         }

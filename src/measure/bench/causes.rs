@@ -19,7 +19,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::Effort;
-use super::images::{ALL, Asked, Lit, NONE, SINGLE, View, error_of, picture_of_frame};
+use super::images::{ALL, Asked, Lit, NONE, SINGLE, View};
 use super::method::{Method, exact_single};
 use crate::field::Field;
 use crate::gpu::frame::Parts;
@@ -104,7 +104,7 @@ impl OfModel {
 }
 
 fn shot(view: &mut View, parts: Parts) -> Result<Picture> {
-    Ok(picture_of_frame(&view.render(parts)?.0))
+    Ok(Picture::of_frame(&view.render(parts)?.0))
 }
 
 /// Finds the causes; the view keeps the method and lights of a frame.
@@ -129,7 +129,7 @@ pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
     // Coverage comes from the traced picture that the result is not judged by: noise that both share would be
     // taken for agreement.
     let covered = |frame: &Picture, by: &Picture| with_coverage(frame, &head, by);
-    let error = |a: &Picture, b: &Picture| anyhow::Ok(error_of(&compare(a, b)?));
+    let error = |a: &Picture, b: &Picture| anyhow::Ok(compare(a, b)?.error());
     let swapped = |name, exact: &Picture| {
         anyhow::Ok(Cause {
             name,

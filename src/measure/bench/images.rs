@@ -23,7 +23,7 @@ use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
 use crate::gpu::method::Integrator;
 use crate::light::{LitHair, Medium};
-use crate::measure::compare::{Report, compare};
+use crate::measure::compare::compare;
 use crate::measure::read::Picture;
 use crate::progress::Clock;
 use crate::quality::Settings;
@@ -176,7 +176,7 @@ impl View<'_> {
     ) -> Result<Picture> {
         let mut film = Film::new(self.lens.size);
         self.trace(asked, &mut film, samples, progress)?;
-        Ok(picture_of_film(&film, "the truth"))
+        Ok(Picture::of_film(&film, "the truth"))
     }
 }
 
@@ -198,35 +198,6 @@ pub(super) struct Lit<'a> {
     pub hair: LitHair,
     /// The same with reach by rays through the real strands.
     pub exact: LitHair,
-}
-
-pub(super) fn picture_of_film(film: &Film, name: &str) -> Picture {
-    let count = 0..film.pixels.len();
-    let mean: Vec<[f64; 4]> = count.clone().map(|i| film.mean(i)).collect();
-    Picture {
-        name: name.to_owned(),
-        size: film.size.map(|n| n as usize),
-        rgb: mean.iter().map(|p| [0, 1, 2].map(|c| p[c] as f32)).collect(),
-        alpha: Some(mean.iter().map(|p| p[3] as f32).collect()),
-        hair: Some(count.clone().map(|i| film.hair_coverage(i) as f32).collect()),
-        variance: Some(count.map(|i| film.variance(i).map(|v| v as f32)).collect()),
-    }
-}
-
-pub(super) fn picture_of_frame(frame: &Frame) -> Picture {
-    Picture {
-        name: "the frame".to_owned(),
-        size: frame.size.map(|n| n as usize),
-        rgb: frame.pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
-        alpha: Some(frame.pixels.iter().map(|p| p[3]).collect()),
-        hair: Some(frame.hair_coverage.clone()),
-        variance: None,
-    }
-}
-
-/// Relative L2 without what is known to be noise.
-pub(super) fn error_of(report: &Report) -> f64 {
-    report.noise.map_or(report.relative_l2, |noise| noise.relative_l2_without)
 }
 
 /// The scene's fibre in a preset's colour.
@@ -338,7 +309,7 @@ fn light<'a>(
     Ok(Lit {
         map: Light::map(environment, 0.0, 1.0)?,
         fitted: Light::lobes(&place_lights(&fit.lights, scene))?,
-        exact: hair.with_reach(exact_reach),
+        exact: hair.clone().with_reach(exact_reach),
         hair,
     })
 }
@@ -378,8 +349,8 @@ fn picture(
         let begun = Instant::now();
         clock.watch("path tracing", |progress| view.trace(&asked, &mut film, samples, progress))?;
         ms += 1e3 * begun.elapsed().as_secs_f64();
-        let picture = Picture { variance: None, ..picture_of_film(&film, "path tracing") };
-        let error = error_of(&compare(&picture, truth(&methods[0]))?);
+        let picture = Picture { variance: None, ..Picture::of_film(&film, "path tracing") };
+        let error = compare(&picture, truth(&methods[0]))?.error();
         traced.push(TracedRow { samples, ms, error });
     }
 
@@ -423,14 +394,14 @@ fn picture(
     let mut of_models = BTreeMap::new();
     for (k, method) in methods.iter().enumerate() {
         let Some(frame) = &last[k] else { continue };
-        let report = compare(&picture_of_frame(frame), truth(method))?;
+        let report = compare(&Picture::of_frame(frame), truth(method))?;
         let shade_ms = Spread::of(&times[k]);
         frames.push(FrameRow {
             method: method.label(),
             shade_ms,
             pair_ns: 1e6 * shade_ms.median / pairs,
             table_bytes: table_bytes(&data[k]),
-            error: error_of(&report),
+            error: report.error(),
             mean_ratio: report.mean_ratio.iter().flatten().sum::<f64>()
                 / report.mean_ratio.iter().flatten().count().max(1) as f64,
         });
@@ -506,7 +477,7 @@ fn by_lights(
                 fitted,
                 lights: hair.lights.len(),
                 shade_ms: Spread::of(&times),
-                error: error_of(&compare(&picture_of_frame(&frame), truth)?),
+                error: compare(&Picture::of_frame(&frame), truth)?.error(),
                 fit_error: fit.relative_l2_blurred_0_30,
             });
         }
