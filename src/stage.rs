@@ -12,7 +12,7 @@ use crate::hair::groom::GroomOptions;
 use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
 use crate::head::{self, Head};
 use crate::image::luminance;
-use crate::paint::{Fibres, Paint};
+use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::progress::Clock;
 use crate::scene::{Camera, Lens, Scene};
 use crate::srbf::{SrbfLight, split_wide};
@@ -24,6 +24,7 @@ pub const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
 const EXPOSED_MEAN: f32 = 1.0;
 
 /// Strands and head.
+#[derive(Clone)]
 pub struct Geometry {
     pub hair: Hair,
     pub head: Option<Head>,
@@ -41,7 +42,16 @@ pub struct Geometry {
 }
 
 impl Geometry {
+    /// As thick as the scene and its paint say.
     pub fn load(scene: &Scene) -> Result<Geometry> {
+        let mut stage = Self::load_bare(scene)?;
+        let paint = stage.paint(scene)?;
+        stage.thicken(paint.as_ref().and_then(|paint| paint.layer(Channel::Thickness)));
+        Ok(stage)
+    }
+
+    /// Without what is painted.
+    pub fn load_bare(scene: &Scene) -> Result<Geometry> {
         let LoadedHair { hair, mended, assumed, .. } = load_hair(scene)?;
         let head = load_head(scene)?;
         let mut notes = Vec::new();
@@ -59,11 +69,22 @@ impl Geometry {
 
     /// Strands whose fibres are `diameter` wide at their thickest, and a head.
     pub fn new(hair: Hair, head: Option<Head>, diameter: f32) -> Geometry {
-        let diameters = hair::width_profile(&hair).iter().map(|w| w * diameter).collect();
         let frames = Frames::new(&hair);
         let (center, radius) = hair.center_radius();
-        let (mended, notes) = Default::default();
-        Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes }
+        let (diameters, mended, notes) = Default::default();
+        let mut stage =
+            Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes };
+        stage.thicken(None);
+        stage
+    }
+
+    /// Gives each point its diameter, under paint of [`Channel::Thickness`] in place of what was painted before.
+    pub fn thicken(&mut self, painted: Option<&Layer>) {
+        let bare = [1.0, 0.0, 0.0];
+        let factor = |point: usize| painted.map_or(1.0, |layer| layer.over(point, bare)[0]);
+        let profile = hair::width_profile(&self.hair);
+        let diameters = profile.iter().enumerate().map(|(i, w)| w * self.diameter * factor(i));
+        self.diameters = diameters.collect();
     }
 
     /// What the scene names to be painted on the hair.

@@ -431,7 +431,7 @@ fn random_session(steps: usize, most_bytes: usize, mut seed: u64) {
                 }
             }
             4..7 => {
-                let channel = Channel::ALL[number(5)];
+                let channel = Channel::ALL[number(Channel::ALL.len())];
                 let [least, most] = channel.range();
                 let value = [(); 3].map(|()| least + (most - least) * 0.01 * number(100) as f32);
                 let brush = Brush {

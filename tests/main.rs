@@ -4,6 +4,7 @@ mod azimuth_table;
 mod bench;
 mod chi_square;
 mod cli;
+mod color;
 mod editor;
 mod environment;
 mod fast;

@@ -2,10 +2,13 @@
 
 use std::path::Path;
 use std::process::Command;
+use std::sync::{Arc, Mutex};
 
 use hairlight::gpu::Gpu;
+use hairlight::gpu::frame::Frame;
 use hairlight::gpu::method::MethodData;
 use hairlight::gpu::probe;
+use hairlight::live::{Said, Session, Wish};
 use hairlight::measure::compare::compare;
 use hairlight::measure::read::Picture;
 use hairlight::paint::{Channel, Fibres, Paint, PointFibre};
@@ -77,7 +80,7 @@ fn a_file_reads_back_and_is_refused_where_it_does_not_belong() {
     paint.write(&path, &hair).unwrap();
     assert!(Paint::read(&path, &hair).unwrap() == paint, "it reads back");
     let bytes = std::fs::read(&path).unwrap();
-    println!("{} points, five channels: {} bytes", hair.points.len(), bytes.len());
+    println!("{} points, all channels: {} bytes", hair.points.len(), bytes.len());
 
     let refused = |bytes: &[u8], hair: &str, says: &str| {
         std::fs::write(&path, bytes).unwrap();
@@ -118,6 +121,58 @@ fn a_file_reads_back_and_is_refused_where_it_does_not_belong() {
     let output = capture(folder.path(), &[STRANDS, "--paint", "colors"]);
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(!output.status.success() && error.contains("no colours"), "{error}");
+}
+
+/// Hair painted twice as thick is hair of twice the diameter: frames, density of its shadows, and paths.
+#[test]
+fn painted_thickness_is_diameter() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    let stage = Geometry::load(&scene(&[])).unwrap();
+    let points = stage.hair.points.len();
+    let mut paint = Paint::bare(points);
+    let layer = paint.layer_mut(Channel::Thickness);
+    (0..points).for_each(|point| layer.set(point, [2.0; 3], 1.0));
+    paint.write(&path.join("thick.paint"), &stage.hair).unwrap();
+    let [once, twice] = [1.0, 2.0].map(|k| format!("fibre.diameter={}", k * stage.diameter));
+    let frame = |name: &str, more: &[&str]| {
+        captured(path, &[&LOOK[..], more, &["-o", name]].concat());
+        Picture::read(&path.join(name)).unwrap()
+    };
+    let painted = frame("painted.exr", &["--set", &once, "--paint", "thick.paint"]);
+    let thick = frame("thick.exr", &["--set", &twice]);
+    let thin = frame("thin.exr", &["--set", &once]);
+    assert!(painted.rgb == thick.rgb, "the very same frame");
+    // The paper's method has no painted fibres, but fibres of any thickness.
+    frame("xu.exr", &["--set", &once, "--paint", "thick.paint", "--method", "xu"]);
+    let off = compare(&painted, &thin).unwrap().relative_l2;
+    println!("twice as thick or not: {off:.3}");
+    assert!(off > 0.2, "the control");
+
+    // As the editor draws it: at once, and whole.
+    let mut session = Session::default();
+    let mut see = |paint: Option<Arc<Paint>>, moving: bool| {
+        let shown = Mutex::new(None);
+        let say = |said: Said| {
+            if let Said::Picture(picture) = said {
+                *shown.lock().unwrap() = Some(picture.frame);
+            }
+        };
+        let mut scene = scene(&[&once]);
+        scene.render.adapter = "cpu".to_owned();
+        let wish = Wish { scene, paint, size: [72, 54], moving, shaders: None };
+        assert!(session.see(&wish, &|| true, &say).unwrap());
+        shown.into_inner().unwrap().expect("a picture")
+    };
+    let cover = |frame: &Frame| frame.hair_coverage.iter().sum::<f32>();
+    let bare = see(None, false);
+    let paint = Arc::new(paint);
+    let hurried = see(Some(paint.clone()), true);
+    assert!(cover(&hurried) > 1.2 * cover(&bare), "wider at once");
+    let whole = see(Some(paint), false);
+    assert!(cover(&whole) > 1.2 * cover(&bare));
+    let again = see(None, false);
+    assert_eq!(again.pixels, bare.pixels, "and back");
 }
 
 #[test]
@@ -319,6 +374,7 @@ fn by_hand_cost_of_paint() {
                     Channel::Tilt => [-5.0 * t, 0.0, 0.0],
                     Channel::Eta => [1.45 + 0.2 * t, 0.0, 0.0],
                     Channel::Eccentricity => [0.9 + 0.2 * t, 0.0, 0.0],
+                    Channel::Thickness => [0.5 + t, 0.0, 0.0],
                 };
                 layer.set(point, value, 1.0);
             }

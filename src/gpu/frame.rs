@@ -116,6 +116,19 @@ struct FieldPlace {
 const NO_FIELD: FieldPlace =
     FieldPlace { origin: Vec3::ZERO, cell: 1.0, dims: Vec3::ONE, scale: 0.0 };
 
+/// Place, diameter, tangent and the angle of the cross section's axis at each point, as shaders/view.wgsl has them.
+fn strand_points(device: &wgpu::Device, stage: &Geometry) -> wgpu::Buffer {
+    let Geometry { hair, diameters, frames, center, .. } = stage;
+    let mut data: Vec<Vec4> = Vec::with_capacity(2 * hair.points.len());
+    for (i, &p) in hair.points.iter().enumerate() {
+        let (u, axis) = (frames.tangents[i], frames.axes[i]);
+        let (x, y) = normals(u);
+        data.push((p - center).extend(diameters[i]));
+        data.push(u.extend(axis.dot(y).atan2(axis.dot(x))));
+    }
+    storage(device, "strand points", bytemuck::cast_slice(&data))
+}
+
 /// Pipelines that no method changes.
 struct Fixed {
     hair: wgpu::RenderPipeline,
@@ -200,7 +213,7 @@ pub struct Renderer {
 impl Renderer {
     /// Uploads strands and head; the hair's centre becomes the origin.
     pub fn new(gpu: Gpu, method: &MethodData, stage: &Geometry) -> Result<Renderer> {
-        let Geometry { hair, diameters, frames, head, .. } = stage;
+        let Geometry { hair, head, .. } = stage;
         let center = stage.center;
         let points = hair.points.len() as u32;
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
@@ -209,13 +222,6 @@ impl Renderer {
             "{points} hair points are more than this adapter's buffers hold ({} at most): use fewer strands",
             limit / 32
         );
-        let mut data: Vec<Vec4> = Vec::with_capacity(2 * hair.points.len());
-        for (i, &p) in hair.points.iter().enumerate() {
-            let (u, axis) = (frames.tangents[i], frames.axes[i]);
-            let (x, y) = normals(u);
-            data.push((p - center).extend(diameters[i]));
-            data.push(u.extend(axis.dot(y).atan2(axis.dot(x))));
-        }
         let segments: Vec<u32> = hair
             .strands()
             .flat_map(|r| r.start as u32..r.end.max(r.start + 1) as u32 - 1)
@@ -225,7 +231,7 @@ impl Renderer {
             .flat_map(|(strand, points)| std::iter::repeat_n(strand, points.len()))
             .collect();
         let device = &gpu.device;
-        let strand_points = storage(device, "strand points", bytemuck::cast_slice(&data));
+        let strand_points = strand_points(device, stage);
         let segment_buffer = storage(device, "segments", bytemuck::cast_slice(&segments));
         let (positions, corners): (Vec<Vec4>, Vec<u32>) =
             head.as_ref().map_or(Default::default(), |head| {
@@ -272,6 +278,11 @@ impl Renderer {
             shading: Vec::new(),
             gpu,
         })
+    }
+
+    /// The same strands with other diameters.
+    pub fn set_diameters(&mut self, stage: &Geometry) {
+        self.strand_points = strand_points(&self.gpu.device, stage);
     }
 
     /// Draws by other shaders from now on.

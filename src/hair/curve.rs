@@ -15,6 +15,7 @@ const BENDS: usize = 4096;
 const TWIST: f32 = 2.399_963;
 
 /// The fibre's frame at every point.
+#[derive(Clone)]
 pub struct Frames {
     /// Unit tangents, root to tip.
     pub tangents: Vec<Vec3>,

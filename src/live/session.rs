@@ -15,11 +15,11 @@ use crate::gpu::method::MethodData;
 use crate::gpu::shaders::Shaders;
 use crate::image::display_bytes;
 use crate::light::{LitHair, Medium};
-use crate::paint::{Fibres, Paint};
+use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::quality::{self, Costs, Facts, Settings};
 use crate::scene::{FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
-use crate::srbf::{self, Fit};
-use crate::stage::{Geometry, exposure_scale, shaded_lights};
+use crate::srbf::{self, Fit, split_weak, split_wide};
+use crate::stage::{Geometry, exposure_scale, place_lights};
 use crate::transport::Detail;
 
 /// A hurried picture shall take no longer.
@@ -32,6 +32,9 @@ const HURRY_PIXELS: [f64; 2] = [10_000.0, 20_000.0];
 const HURRY_NEGLIGIBLE: f64 = 0.03;
 /// Cells of the density volume while the light turns.
 const HURRY_CELLS: usize = 32;
+/// Narrow lights that are brought through hair anew while the light turns; others are shared out among ordinates, which
+/// stay where they are.
+const HURRY_LIGHTS: usize = 10;
 /// So many lights are summed between two looks at whether to go on.
 const LIGHTS_A_LOOK: usize = 8;
 
@@ -48,9 +51,21 @@ type Look = (FibreSpec, RenderSpec, Option<String>);
 
 struct Body {
     stage: Arc<Geometry>,
+    /// What is painted of its thickness.
+    thickness: Option<Layer>,
     medium: Medium,
     /// Of [`HURRY_CELLS`].
     coarse: Medium,
+    /// Whether both have another thickness than the stage.
+    stale: bool,
+}
+
+impl Body {
+    fn new(stage: Arc<Geometry>, thickness: Option<Layer>) -> Body {
+        let medium = Medium::new(&stage, &Detail::USUAL);
+        let coarse = medium.with_cells(&stage, HURRY_CELLS);
+        Body { stage, thickness, medium, coarse, stale: false }
+    }
 }
 
 /// The fit and its rotation that hair is lit by.
@@ -77,6 +92,8 @@ pub struct Session {
     seen: Vec<u32>,
     method: Option<Made<Look, MethodData>>,
     paint: Option<Arc<Paint>>,
+    /// Of the scene's own paint.
+    file_thickness: Option<Made<HairSpec, Option<Layer>>>,
     /// Those that were tried last.
     shaders: Option<Arc<Shaders>>,
     field: Option<Made<(u64, u64), Option<Field>>>,
@@ -111,6 +128,7 @@ impl Default for Session {
             seen: Vec::new(),
             method: None,
             paint: None,
+            file_thickness: None,
             shaders: None,
             field: None,
             lit: 0,
@@ -150,7 +168,8 @@ impl Session {
 
     fn try_see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
         let scene = &wish.scene;
-        self.make_body(scene, say)?;
+        self.make_body(wish, say)?;
+        self.make_thickness(wish, say)?;
         self.make_shaders(wish, say);
         self.make_map(scene, say)?;
         self.make_fit(scene, go_on, say)?;
@@ -164,12 +183,54 @@ impl Session {
             return Ok(wish.moving);
         }
         let begun = Instant::now();
+        self.make_medium();
         self.make_lighting(scene, false, go_on, say)?;
         self.stages = vec![("light through hair", ms_since(begun))];
         self.finish(wish, go_on, say)
     }
 
-    fn make_body(&mut self, scene: &Scene, say: Say) -> Result<()> {
+    /// What is painted of the thickness of `stage`.
+    fn thickness(&mut self, wish: &Wish, stage: &Geometry) -> Result<Option<Layer>> {
+        if let Some(paint) = &wish.paint {
+            let fits = paint.points() == stage.hair.points.len();
+            return Ok(paint.layer(Channel::Thickness).filter(|_| fits).cloned());
+        }
+        let from = &wish.scene.hair;
+        if self.file_thickness.as_ref().is_none_or(|made| made.from != *from) {
+            let paint = stage.paint(&wish.scene)?;
+            let it = paint.and_then(|paint| paint.layer(Channel::Thickness).cloned());
+            self.file_thickness = Some(Made { from: from.clone(), it });
+        }
+        Ok(self.file_thickness.as_ref().and_then(|made| made.it.clone()))
+    }
+
+    /// Strands are drawn at once as thick as they are painted; how dense the hair is follows in [`Self::make_medium`].
+    fn make_thickness(&mut self, wish: &Wish, say: Say) -> Result<()> {
+        let Some(stage) = self.body.as_ref().map(|body| body.it.stage.clone()) else {
+            return Ok(());
+        };
+        let thickness = self.thickness(wish, &stage)?;
+        let (Some(body), Some(renderer)) = (&mut self.body, &mut self.gpu) else { return Ok(()) };
+        let body = &mut body.it;
+        if body.thickness != thickness {
+            let mut stage = Geometry::clone(&stage);
+            stage.thicken(thickness.as_ref());
+            renderer.it.set_diameters(&stage);
+            body.stage = Arc::new(stage);
+            (body.thickness, body.stale) = (thickness, true);
+            say(Said::Geometry(body.stage.clone()));
+        }
+        Ok(())
+    }
+
+    fn make_medium(&mut self) {
+        let Some(body) = self.body.as_mut().filter(|body| body.it.stale) else { return };
+        body.it = Body::new(body.it.stage.clone(), body.it.thickness.take());
+        (self.coarse, self.whole) = (None, None);
+    }
+
+    fn make_body(&mut self, wish: &Wish, say: Say) -> Result<()> {
+        let scene = &wish.scene;
         let hair = HairSpec { paint: None, ..scene.hair.clone() };
         let from = (hair, scene.head.clone(), scene.fibre.diameter);
         let adapter = &scene.render.adapter;
@@ -178,10 +239,12 @@ impl Session {
             return Ok(());
         }
         say(Said::Progress("loading hair", 0.0));
-        let stage = Arc::new(Geometry::load(scene)?);
+        let mut stage = Geometry::load_bare(scene)?;
         stage.notes.iter().for_each(|line| say(Said::Note(line.clone())));
-        let medium = Medium::new(&stage, &Detail::USUAL);
-        let coarse = medium.with_cells(&stage, HURRY_CELLS);
+        let thickness = self.thickness(wish, &stage)?;
+        stage.thicken(thickness.as_ref());
+        let stage = Arc::new(stage);
+        let body = Body::new(stage.clone(), thickness);
         // Another method is set before anything is shown.
         let even = Fibres::even(&scene.fibre.resolve());
         let method = MethodData::new(scene.fibre.model, even, &scene.render)?;
@@ -195,7 +258,7 @@ impl Session {
         let renderer = Renderer::new(gpu, &method, &stage)?;
         self.gpu = Some(Made { from: adapter.clone(), it: renderer });
         say(Said::Geometry(stage.clone()));
-        self.body = Some(Made { from, it: Body { stage, medium, coarse } });
+        self.body = Some(Made { from, it: body });
         (self.coarse, self.whole) = (None, None);
         self.method = None;
         self.field = None;
@@ -287,10 +350,10 @@ impl Session {
         {
             renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
         }
-        let lights = shaded_lights(&fit.it.lights, &unexposed(scene));
-        let (medium, made) = match hurry {
-            true => (&body.it.coarse, &mut self.coarse),
-            false => (&body.it.medium, &mut self.whole),
+        let lights = place_lights(&fit.it.lights, &unexposed(scene));
+        let (medium, made, lights) = match hurry {
+            true => (&body.it.coarse, &mut self.coarse, split_weak(&lights, HURRY_LIGHTS)),
+            false => (&body.it.medium, &mut self.whole, split_wide(&lights)),
         };
         /// Of no fit.
         const NOT_YET: Turned = (u64::MAX, 0.0);

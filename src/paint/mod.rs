@@ -35,15 +35,24 @@ pub enum Channel {
     Eta,
     /// Ratio of the cross section's axes.
     Eccentricity,
+    /// Of the fibre, as a factor of its diameter: geometry, not the fibre's scattering.
+    Thickness,
 }
 
 impl Channel {
-    pub const ALL: [Self; 5] =
-        [Self::Absorption, Self::Roughness, Self::Tilt, Self::Eta, Self::Eccentricity];
+    pub const ALL: [Self; 6] = [
+        Self::Absorption,
+        Self::Roughness,
+        Self::Tilt,
+        Self::Eta,
+        Self::Eccentricity,
+        Self::Thickness,
+    ];
 
     /// What it is called by those who paint.
     pub fn name(self) -> &'static str {
-        ["colour", "roughness", "tilt", "index of refraction", "eccentricity"][self as usize]
+        ["colour", "roughness", "tilt", "index of refraction", "eccentricity", "thickness"]
+            [self as usize]
     }
 
     /// What a fibre has of it; of a channel of one number the others are 0.
@@ -55,6 +64,7 @@ impl Channel {
             Self::Tilt => one(fibre.alpha[0].to_degrees()),
             Self::Eta => one(fibre.eta),
             Self::Eccentricity => one(fibre.eccentricity),
+            Self::Thickness => one(1.0),
         }
     }
 
@@ -66,9 +76,9 @@ impl Channel {
         }
     }
 
-    /// Place of its first number in a [`PointFibre`].
-    const fn first(self) -> usize {
-        [0, 3, 4, 5, 6][self as usize]
+    /// Place of its first number in a [`PointFibre`]; None where it is no part of one.
+    const fn first(self) -> Option<usize> {
+        [Some(0), Some(3), Some(4), Some(5), Some(6), None][self as usize]
     }
 
     /// Least and greatest value.
@@ -80,6 +90,7 @@ impl Channel {
             Self::Tilt => [-20.0, 20.0],
             Self::Eta => [1.0, 3.0],
             Self::Eccentricity => [0.5, 2.0],
+            Self::Thickness => [0.1, 5.0],
         }
     }
 }
@@ -257,7 +268,8 @@ impl Fibres {
     /// The scene's fibre under paint, if there is any.
     pub fn new(spec: &FibreSpec, paint: Option<&Paint>) -> Self {
         let mut fibres = Self { links: spec.links(), ..Self::even(&spec.resolve()) };
-        if let Some(paint) = paint.filter(|paint| !paint.layers.is_empty()) {
+        let scatters = |layer: &Layer| layer.channel.first().is_some();
+        if let Some(paint) = paint.filter(|paint| paint.layers.iter().any(scatters)) {
             fibres.repaint(paint);
         }
         fibres
@@ -336,9 +348,9 @@ impl Fibres {
 fn under_paint(base: &Fibre, paint: &Paint, point: usize) -> PointFibre {
     let mut numbers = Numbers::default();
     for channel in Channel::ALL {
+        let Some(first) = channel.first() else { continue };
         let own = channel.of(base);
         let shown = paint.layer(channel).map_or(own, |layer| layer.over(point, own));
-        let first = channel.first();
         numbers[first..first + channel.width()].copy_from_slice(&shown[..channel.width()]);
     }
     PointFibre::from_f32(numbers)

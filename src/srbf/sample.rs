@@ -67,8 +67,22 @@ pub fn lattice(count: usize) -> Vec<DVec3> {
 /// sky: under a uniform map, white hair sent 0.63 to the front with one light and 0.40 with 40 that fit alike, and
 /// under overcast lobes of λ = 0.6 make single scattering of white sintel 1.19 of the truth, those of 0.29 1.05.
 pub fn split_wide(lights: &[SrbfLight]) -> Vec<SrbfLight> {
-    let (wide, mut rest): (Vec<SrbfLight>, Vec<SrbfLight>) =
+    split(lights, lights.len())
+}
+
+/// The same, with all narrow lights but the `strongest` shared out as if they were wide: for frames in a hurry.
+pub fn split_weak(lights: &[SrbfLight], strongest: usize) -> Vec<SrbfLight> {
+    split(lights, strongest)
+}
+
+fn split(lights: &[SrbfLight], strongest: usize) -> Vec<SrbfLight> {
+    let (mut wide, mut rest): (Vec<SrbfLight>, Vec<SrbfLight>) =
         lights.iter().partition(|light| light.lambda > WIDEST);
+    let energy = |light: &SrbfLight| light.energy().iter().sum::<f64>();
+    if strongest < rest.len() {
+        rest.sort_by(|a, b| energy(b).total_cmp(&energy(a)));
+        wide.extend(rest.drain(strongest..));
+    }
     let ordinate = |direction| SrbfLight { direction, lambda: ORDINATE, rgb: [0.0; 3] };
     let mut ordinates: Vec<SrbfLight> = lattice(ORDINATES).into_iter().map(ordinate).collect();
     let gram: Vec<f64> =

@@ -178,7 +178,7 @@ impl Editor {
                 let slider = egui::Slider::new(&mut truth.divider, 0.0..=1.0);
                 ui.add(slider.custom_formatter(percent).text("Divider"));
                 let before = truth.side;
-                ui.horizontal(|ui| {
+                ui.horizontal_wrapped(|ui| {
                     for (side, word, help) in Side::ALL {
                         ui.radio_value(&mut truth.side, side, word).on_hover_text(help);
                     }
@@ -261,16 +261,17 @@ fn errors(ui: &mut Ui, traced: &Traced) {
     let rate = traced.segments as f64 / traced.seconds.max(1e-9) / 1e6;
     let mut lines = vec![
         ("samples a pixel", traced.samples.to_string()),
-        ("traced for", format!("{:.0} s, {rate:.1} million rays a second", traced.seconds)),
+        ("traced for", format!("{:.0} s", traced.seconds)),
+        ("million rays a second", format!("{rate:.1}")),
     ];
     if let Some(Judged { report, .. }) = &traced.judged {
-        let ratio = report.mean_ratio.map(|r| r.map_or("–".into(), |r| format!("{r:.3}")));
+        let ratio = report.mean_ratio.map(|r| r.map_or("–".into(), |r| format!("{r:.2}")));
         lines.push(("relative L2", percent(report.relative_l2)));
         if let Some(noise) = report.noise {
             lines.push(("of which noise", percent(noise.relative_l2)));
             lines.push(("without noise", percent(noise.relative_l2_without)));
         }
-        lines.push(("frame / truth, R G B", ratio.join("  ")));
+        lines.push(("frame / truth", ratio.join(" ")));
         lines.push(("FLIP, mean", format!("{:.3}", report.flip_mean)));
     }
     rows(
