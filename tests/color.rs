@@ -84,6 +84,34 @@ fn traced(scene: &Scene, samples: u32) -> [f64; 3] {
     mean((0..film.pixels.len()).map(of))
 }
 
+/// What is authored as the colour of the hair is what is seen of the bob under even light.
+#[test]
+fn authored_color_is_rendered_color() {
+    let folder = tempdir().unwrap();
+    let mut scene = even(Scene::default(), folder.path(), 72);
+    let mut session = Session::default();
+    for (model, authored) in [
+        (Bcsdf::Marschner, [0.3, 0.15, 0.06]),
+        (Bcsdf::Deon, [0.35, 0.2, 0.1]),
+        (Bcsdf::Marschner, [0.04, 0.25, 0.1]),
+    ] {
+        scene.fibre.model = model;
+        scene.fibre.pigment = Pigment::Color(authored);
+        let seen = framed(&mut session, &scene);
+        println!("{model:?} {authored:?}: {seen:.4?}");
+        for c in 0..3 {
+            let off = seen[c] / authored[c] - 1.0;
+            assert!(off.abs() < 0.07, "{off:+.3}");
+        }
+    }
+    // The control: Chiang's own fit.
+    let chiang = [0.3f64, 0.15, 0.06].map(|c| (c.ln() / 5.888).powi(2));
+    (scene.fibre.model, scene.fibre.pigment) = (Bcsdf::Marschner, Pigment::Absorption(chiang));
+    let seen = framed(&mut session, &scene);
+    println!("by Chiang's fit: {seen:.4?}");
+    assert!(seen[0] / 0.3 - 1.0 > 0.15);
+}
+
 /// √σ_a, path traced and framed colour under even light, from which `Pigment::Color` was fitted.
 #[test]
 #[ignore = "by hand, with ../shared/data: prints a table"]

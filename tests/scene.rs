@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use hairlight::scene::{
     Assignment, Camera, CameraSpec, FIELDS, Field, Kind, Orbit, PRESETS, Pigment, Scene, View,
-    field_named, parse_assignment,
+    assembly_color, field_named, parse_assignment,
 };
 
 /// Valid values of a field as TOML literals, both ends of its range among them.
@@ -252,9 +252,12 @@ fn colours_resolve_to_absorption_per_radius() {
     assert_near(&melanin, &[0.9315, 1.594, 3.265], 1e-12);
     let absorption = [0.1, 0.2, 1000.0];
     assert_eq!(Pigment::Absorption(absorption).sigma_a(), absorption);
-    // (ln 0.5 / 5.88841)² = 0.0138565, (ln 0.1 / 5.88841)² = 0.1529095.
-    let color = Pigment::Color([0.5, 0.1, 0.999]).sigma_a();
-    assert_near(&color, &[0.013_856_5, 0.152_909_5, 2.887e-8], 1e-6);
+    // ((ln ((0.5 − 0.0205)/0.9795)) / 4.5)², and so on; darker than the sheen is black.
+    let color = Pigment::Color([0.5, 0.1, 0.001]).sigma_a();
+    let by_hand =
+        [0.479_5f64, 0.079_5, 0.979_5e-3].map(|body| ((body / 0.979_5).ln() / 4.5).powi(2));
+    assert_near(&color, &by_hand, 1e-9);
+    assert_near(&assembly_color(color)[..2], &[0.5, 0.1], 1e-12);
     let luminance = |name: &str| {
         let preset = PRESETS.iter().find(|preset| preset.name == name).unwrap();
         preset.pigment.sigma_a().iter().sum::<f64>()

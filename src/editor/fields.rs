@@ -2,6 +2,7 @@
 
 use eframe::egui::{self, Color32, DragValue, Rgba, Slider, Ui};
 
+pub use crate::scene::assembly_color;
 use crate::scene::{Alternative, FIELDS, Field, Kind, Pigment, Scene, Value};
 
 /// Shows a field with its name, and puts what the user makes of it into the scene. Fields that are stated another way
@@ -270,13 +271,6 @@ fn turn_to(scene: &mut Scene, way: &str) {
         "melanin" => Pigment::Melanin { eumelanin: sigma_a[0] / 0.419, pheomelanin: 0.0 },
         _ => Pigment::Color(assembly_color(sigma_a)),
     };
-}
-
-/// The colour of the hair as a whole, of an absorption: the inverse of `Pigment::Color`.
-pub fn assembly_color(sigma_a: [f64; 3]) -> [f64; 3] {
-    // (ln C/f)² of the table, at the C whose logarithm is 1.
-    let f = Pigment::Color([(-1f64).exp(); 3]).sigma_a()[0].sqrt().recip();
-    sigma_a.map(|s| (-f * s.sqrt()).exp().clamp(0.001, 0.999))
 }
 
 /// Linear RGB as a colour of the interface.

@@ -4,8 +4,8 @@
 //!   its own (`file.rs`) beside the scene.
 //! - [`Fibres`]: paint over the scene's fibre, ready to be shaded: renderer, field and path tracer ask it alone.
 //!
-//! Absorption is painted, mixed and interpolated as √σ_a: of an assembly's colour C, √σ_a is proportional to −ln C
-//! (Chiang et al. 2016, Eq 9), so that a half is halfway to the eye. A painted width or tilt is that of R; TT and
+//! Absorption is painted, mixed and interpolated as √σ_a, to which the logarithm of an assembly's colour is proportional
+//! ([`crate::scene::assembly_color`]), so that a half is halfway to the eye. A painted width or tilt is that of R; TT and
 //! TRT follow it where the scene links them to R.
 
 mod cluster;

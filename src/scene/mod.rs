@@ -13,7 +13,7 @@ mod table;
 mod target;
 
 pub use camera::{Camera, CameraSpec, Lens, Orbit, View};
-pub use fibre::{ChiangSpec, FibreSpec, Pigment};
+pub use fibre::{ChiangSpec, FibreSpec, Pigment, assembly_color};
 pub use field::{Alternative, Field, Kind, Value, srgb_to_linear};
 pub use preset::{PRESETS, Preset};
 pub use table::FIELDS;
