@@ -14,6 +14,8 @@ use eframe::egui::{self, Key, KeyboardShortcut, Modifiers, Rect, Ui};
 use super::brush::{Brush, Mode, Places, Stroke};
 use super::document::Document;
 use super::history::{History, Step};
+use super::light_view::LightView;
+use super::maps::Maps;
 use super::viewport::{self, Shown};
 use crate::live::{Said, Wish, Worker, same_paint};
 use crate::scene::Scene;
@@ -64,6 +66,8 @@ pub struct Editor {
     worker: Worker,
     shown: Shown,
     stage: Option<Arc<Geometry>>,
+    light: LightView,
+    maps: Maps,
     /// The scene as the history has it.
     settled: Scene,
     asked: Option<(u64, Wish)>,
@@ -105,6 +109,8 @@ impl Editor {
             worker: Worker::new(move || waking.request_repaint()),
             shown: Shown::default(),
             stage: None,
+            light: LightView::default(),
+            maps: Maps::default(),
             asked: None,
             shown_of: 0,
             stroke: None,
@@ -178,6 +184,7 @@ impl Editor {
                     self.stage = Some(stage);
                     self.places = None;
                 }
+                Said::Light(light) => self.light.put(light),
                 Said::Note(line) => self.notes.push(line),
                 Said::Failed(line) => {
                     if number == newest {
@@ -305,6 +312,7 @@ impl Editor {
         if key(Key::Escape) {
             self.give_up_stroke();
             self.shortcuts = false;
+            self.maps.open = false;
             self.files.give_up();
         }
         if ctx.input(|i| i.events.iter().any(|e| matches!(e, egui::Event::Text(t) if t == "?"))) {

@@ -4,14 +4,20 @@
 //! - `history`: what was done, step by step, to be undone.
 //! - `brush`: from a place on the screen to paint on strands.
 //! - `viewport`: the picture, the camera and the brush over it.
+//! - `light_view`: the map and its lights, to be looked at and turned.
+//! - `maps`: maps to choose from, with thumbnails.
 //! - `fields`: the widgets of the scene's table of fields; nothing here names a range.
+//! - `desktop`: the desktop's own dialogs.
 //! - `app`: what holds them together: a frame of the interface, its sections a file each.
 
 mod app;
 mod brush;
+mod desktop;
 mod document;
 mod fields;
 mod history;
+mod light_view;
+mod maps;
 mod viewport;
 
 use anyhow::{Result, anyhow};
@@ -21,6 +27,7 @@ pub use app::Editor;
 pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
 pub use document::Document;
 pub use history::{History, Step};
+pub use light_view::outline;
 
 /// Opens the window on a document and comes back when it is closed.
 ///

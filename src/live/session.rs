@@ -1,14 +1,15 @@
 //! The stages of a frame, each kept until what it was made from changes.
 
 use std::collections::HashSet;
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 
-use super::{Picture, Said, Wish, same_paint};
+use super::light::Coming;
+use super::{Light, Picture, Said, Wish, same_paint};
 use crate::capture::{background, parts};
-use crate::environment::{self, Loaded};
 use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Renderer};
@@ -18,7 +19,7 @@ use crate::light::{LitHair, Medium};
 use crate::paint::{Fibres, Paint};
 use crate::quality::Settings;
 use crate::scene::{EnvironmentSpec, FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
-use crate::srbf::{self, Fit};
+use crate::srbf;
 use crate::stage::{Geometry, exposure_scale, shaded_lights};
 use crate::transport::Detail;
 
@@ -74,21 +75,25 @@ struct How {
 pub struct Session {
     gpu: Option<Made<String, Renderer>>,
     body: Option<Made<Shape, Body>>,
-    map: Option<Made<String, Loaded>>,
-    fit: Option<Made<(String, u32), Fit>>,
+    light: Option<Arc<Light>>,
+    /// The light that is asked for, where that is another.
+    coming: Option<Coming>,
+    /// The folder of fits made before; None fits each anew.
+    pub cache: Option<PathBuf>,
     lighting: Option<Made<(u64, f64), Lighting>>,
     method: Option<Made<Look, MethodData>>,
     paint: Option<Arc<Paint>>,
     field: Option<Made<(u64, u64), Option<Field>>>,
-    /// Counts what lighting and fibres were made, for what follows from them.
+    /// Counts what lighting, lights and fibres were made, for what follows from them.
     lit: u64,
-    fits: u64,
+    lights: u64,
     fibres: u64,
     /// The lighting that the renderer is ready to hurry with.
     hurry_ready: Option<u64>,
     hurry_pixels: f64,
-    /// The wish of the last hurried picture, as if nothing moved.
+    /// The wishes of the last hurried and of the last whole picture, as if nothing moved, with the light they show.
     hurried: Option<Wish>,
+    whole: Option<Wish>,
 }
 
 /// Told, from any thread, what goes on.
@@ -101,25 +106,28 @@ impl Default for Session {
         Self {
             gpu: None,
             body: None,
-            map: None,
-            fit: None,
+            light: None,
+            coming: None,
+            cache: srbf::cache_folder(),
             lighting: None,
             method: None,
             paint: None,
             field: None,
             lit: 0,
-            fits: 0,
+            lights: 0,
             fibres: 0,
             hurry_ready: None,
             hurry_pixels: HURRY_PIXELS[1],
             hurried: None,
+            whole: None,
         }
     }
 }
 
 impl Session {
     /// Makes what `wish` asks for: a hurried picture where anything changed, then the whole one unless something moves.
-    /// False where it was given up for `go_on`.
+    /// While its light is still being made these are under the light there was, and others follow unless something
+    /// moves. False where it was given up for `go_on`.
     ///
     /// # Errors
     /// One line, if the wish cannot be seen; what was made before stays.
@@ -133,7 +141,7 @@ impl Session {
                     self.gpu = None;
                     self.body = None;
                 }
-                self.hurried = None;
+                (self.hurried, self.whole) = (None, None);
                 Err(error)
             }
             done => done,
@@ -142,20 +150,93 @@ impl Session {
 
     fn try_see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
         let scene = &wish.scene;
+        self.ask_light(scene);
         self.make_body(scene, say)?;
-        self.make_map(scene, say)?;
-        self.make_fit(scene, go_on, say)?;
+        if self.light.is_none() && !self.await_light(scene, go_on, say)? {
+            return Ok(false);
+        }
+        loop {
+            if self.coming.as_ref().is_some_and(|coming| coming.ready()()) {
+                self.take_light(scene, say)?;
+            }
+            // A light that comes meanwhile is worth more than a picture under the old one.
+            let ready = self.coming.as_ref().map(Coming::ready);
+            let on = || go_on() && !ready.as_ref().is_some_and(|ready| ready());
+            match self.show(wish, &on, say) {
+                Err(error) if on() => return Err(error),
+                Ok(true) if self.coming.is_none() || wish.moving => return Ok(true),
+                _ if !self.await_light(scene, go_on, say)? => return Ok(false),
+                _ => {}
+            }
+        }
+    }
+
+    /// Sees to it that the light that the scene asks for is there or coming.
+    fn ask_light(&mut self, scene: &Scene) {
+        if self.light.as_ref().is_some_and(|light| light.is_of(scene)) {
+            self.coming = None;
+        } else if self.coming.as_ref().is_none_or(|coming| !coming.is_of(scene)) {
+            let before = self.coming.take();
+            let known = self.light.as_deref();
+            self.coming = Some(Coming::new(scene, known, self.cache.as_deref(), before));
+        }
+    }
+
+    /// Waits for the light that is coming, and takes it; false where it was given up.
+    fn await_light(&mut self, scene: &Scene, go_on: GoOn, say: Say) -> Result<bool> {
+        const LOOK: Duration = Duration::from_millis(5);
+        let mut told = None;
+        while let Some(coming) = self.coming.as_ref().filter(|_| go_on()) {
+            if coming.over() {
+                self.take_light(scene, say)?;
+                break;
+            }
+            let progress = coming.progress();
+            if told.replace(progress) != Some(progress) {
+                say(Said::Progress(progress.0, progress.1));
+            }
+            std::thread::sleep(LOOK);
+        }
+        Ok(go_on())
+    }
+
+    fn take_light(&mut self, scene: &Scene, say: Say) -> Result<()> {
+        let Some(coming) = self.coming.take() else { return Ok(()) };
+        let light = Arc::new(coming.take()?);
+        if light.map.mended.any() && self.light.as_ref().is_none_or(|l| l.source != light.source) {
+            say(Said::Note(format!("{}: {}", light.source, light.map.mended)));
+        }
+        say(Said::Light(light.clone()));
+        self.light = Some(light);
+        self.lights += 1;
+        self.set_map(scene);
+        Ok(())
+    }
+
+    /// The pictures of a wish under the light that there is.
+    fn show(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
+        let scene = &wish.scene;
+        let Some(light) = &self.light else { bail!("no light") };
+        let mut shown = wish.clone();
+        shown.scene.environment.source.clone_from(&light.source);
+        shown.scene.environment.lights = Some(light.wanted);
         self.make_method(wish)?;
-        if self.hurried.as_ref().is_none_or(|hurried| !hurried.same(wish)) {
+        if self.hurried.as_ref().is_none_or(|hurried| !hurried.same(&shown)) {
             self.make_lighting(scene, wish.moving, go_on, say)?;
             self.hurry(wish, say)?;
-            self.hurried = Some(wish.clone());
+            self.hurried = Some(shown.clone());
         }
         if wish.moving || !go_on() {
             return Ok(wish.moving);
         }
+        if self.coming.is_some() && self.whole.as_ref().is_some_and(|whole| whole.same(&shown)) {
+            return Ok(true);
+        }
+        self.whole = None;
         self.make_lighting(scene, false, go_on, say)?;
-        self.finish(wish, go_on, say)
+        let whole = self.finish(wish, go_on, say)?;
+        self.whole = whole.then_some(shown);
+        Ok(whole)
     }
 
     fn make_body(&mut self, scene: &Scene, say: Say) -> Result<()> {
@@ -190,40 +271,12 @@ impl Session {
         Ok(())
     }
 
-    fn make_map(&mut self, scene: &Scene, say: Say) -> Result<()> {
-        let source = &scene.environment.source;
-        if self.map.as_ref().is_none_or(|made| made.from != *source) {
-            say(Said::Progress("loading light", 0.0));
-            let it = environment::load(source)?;
-            if it.mended.any() {
-                say(Said::Note(format!("{source}: {}", it.mended)));
-            }
-            self.map = Some(Made { from: source.clone(), it });
-            self.set_map(scene);
-        }
-        Ok(())
-    }
-
     /// Puts the map behind the hair.
     fn set_map(&mut self, scene: &Scene) {
-        if let (Some(renderer), Some(map)) = (&mut self.gpu, &self.map) {
+        if let (Some(renderer), Some(light)) = (&mut self.gpu, &self.light) {
             let turn = scene.environment.rotation_deg.to_radians() as f32;
-            renderer.it.set_environment(&map.it.environment, turn, 1.0);
+            renderer.it.set_environment(&light.map.environment, turn, 1.0);
         }
-    }
-
-    fn make_fit(&mut self, scene: &Scene, go_on: GoOn, say: Say) -> Result<()> {
-        let Some(map) = &self.map else { bail!("no light") };
-        let from = (map.from.clone(), Settings::of(scene).lights);
-        if self.fit.as_ref().is_none_or(|made| made.from != from) {
-            let it = srbf::fit_cached(&map.it.environment, from.1 as usize, &|done| {
-                say(Said::Progress("fitting lights", done));
-                go_on()
-            })?;
-            self.fit = Some(Made { from, it });
-            self.fits += 1;
-        }
-        Ok(())
     }
 
     fn make_method(&mut self, wish: &Wish) -> Result<()> {
@@ -255,14 +308,16 @@ impl Session {
 
     /// `hurry`: what is there will do, or else what coarse cells say.
     fn make_lighting(&mut self, scene: &Scene, hurry: bool, go_on: GoOn, say: Say) -> Result<()> {
-        let (Some(body), Some(fit)) = (&self.body, &self.fit) else { bail!("no hair or light") };
-        let from = (self.fits, scene.environment.rotation_deg);
+        let (Some(body), Some(light)) = (&self.body, &self.light) else {
+            bail!("no hair or light")
+        };
+        let from = (self.lights, scene.environment.rotation_deg);
         let good =
             |made: &Made<(u64, f64), Lighting>| made.from == from && (hurry || !made.it.coarse);
         if self.lighting.as_ref().is_some_and(good) {
             return Ok(());
         }
-        let lights = shaded_lights(&fit.it.lights, &unexposed(scene));
+        let lights = shaded_lights(&light.fit.lights, &unexposed(scene));
         let medium = if hurry { &body.it.coarse } else { &body.it.medium };
         let turned = self.lighting.as_ref().is_none_or(|made| made.from != from);
         let lit = medium.bring(&body.it.stage, lights, &[], &|done| {
@@ -379,7 +434,8 @@ impl Session {
             settings.samples,
             frame.shaded.len()
         );
-        self.say_picture(wish, &frame, &lens, How { finished: true, ms, quality }, say)?;
+        let finished = self.coming.is_none();
+        self.say_picture(wish, &frame, &lens, How { finished, ms, quality }, say)?;
         Ok(true)
     }
 
@@ -392,7 +448,7 @@ impl Session {
         say: Say,
     ) -> Result<()> {
         let How { finished, ms, quality } = how;
-        let Some(map) = &self.map else { bail!("no light") };
+        let Some(light) = &self.light else { bail!("no light") };
         if frame.pixels.iter().flatten().any(|v| !v.is_finite()) {
             bail!(
                 "some pixels came out NaN or infinite: this is a fault of Hairlight; please report the scene"
@@ -400,7 +456,7 @@ impl Session {
         }
         let scene = &wish.scene;
         let gain = 2f64.powf(scene.environment.exposure) as f32;
-        let scale = exposure_scale(scene, &map.it.environment) * gain;
+        let scale = exposure_scale(scene, light.mean_radiance) * gain;
         let rgba = display_bytes(&frame.pixels, scale);
         let lens = Lens { size: frame.size, ..*lens };
         say(Said::Picture(Picture { size: frame.size, rgba, finished, ms, quality, lens }));
