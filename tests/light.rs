@@ -254,7 +254,7 @@ fn a_map_is_chosen_among_thumbnails() {
     std::fs::write(folder.path().join("other.txt"), b"no map").unwrap();
     let mut window = tall(Document::new(small(), None));
     let studio = picture(&window);
-    window.get_by_label("Browse maps").click();
+    window.get_by_label("Browse maps…").click();
     window.run_steps(3);
     window.get_by_label("Map overcast").click();
     seen(&mut window);
@@ -309,8 +309,10 @@ fn by_hand_panels() {
         scene.environment.rotation_deg = 30.0;
         let mut window = window_of(Document::new(scene, None), [1280.0, 1100.0]);
         window.get_by_label("Fibre").click();
+        seen(&mut window);
         window.get_by_label_contains("Fit:").click();
         window.get_by_label("Next light").click();
+        std::thread::sleep(Duration::from_millis(300));
         seen(&mut window);
         for what in ["Map", "Lights", "Difference"] {
             window.get_by_label(what).click();
@@ -318,4 +320,62 @@ fn by_hand_panels() {
             look(&mut window, &format!("light_{name}_{}.png", what.to_lowercase()));
         }
     }
+}
+
+/// Milliseconds to hurried pictures of a camera that turns, at rest and while lights are fitted.
+#[test]
+#[ignore = "by hand: prints times"]
+fn by_hand_latency_while_lights_are_fitted() {
+    let mut session = session();
+    let mut wish = Wish { scene: Scene::default(), paint: None, size: [720, 480], moving: false };
+    see(&mut session, &wish);
+    wish.moving = true;
+    let mut turn = |wish: &mut Wish, k: usize| {
+        let orbit = Orbit::default();
+        let azimuth_deg = orbit.azimuth_deg + 5.0 * k as f64;
+        wish.scene.camera.view = View::Orbit(Orbit { azimuth_deg, ..orbit });
+        let begun = Instant::now();
+        let said = see(&mut session, wish);
+        let shown = pictures(&said);
+        let fitting = lights(&said).is_empty() && shown.iter().all(|picture| !picture.finished);
+        (begun.elapsed().as_millis(), shown.len(), fitting)
+    };
+    let rest: Vec<_> = (1..9).map(|k| turn(&mut wish, k)).collect();
+    wish.scene.environment.lights = Some(128);
+    let fitting: Vec<_> = (9..17).map(|k| turn(&mut wish, k)).collect();
+    println!("at rest {rest:?}\nfitting {fitting:?}");
+    wish.moving = false;
+    println!("then whole under the new light: {:?} ms", turn(&mut wish, 17).0);
+}
+
+/// Memory of the process around the thumbnail of an 8192 × 4096 map.
+#[test]
+#[ignore = "by hand: prints megabytes"]
+fn by_hand_memory_of_a_large_map() {
+    let megabytes = |name: &str| {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap();
+        let line = status.lines().find(|line| line.starts_with(name)).unwrap().to_owned();
+        line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap() / 1024.0
+    };
+    let folder = tempdir().unwrap();
+    let pixel = |x: usize, y: usize| (x as f32 / 8192.0, y as f32 / 4096.0, 0.5f32);
+    exr::prelude::write_rgb_file(folder.path().join("large.exr"), 8192, 4096, pixel).unwrap();
+    let mut window = tall(Document::new(small(), None));
+    window.get_by_label("Browse maps…").click();
+    window.run_steps(3);
+    let before = megabytes("VmRSS");
+    std::fs::write("/proc/self/clear_refs", "5").unwrap();
+    window.get_by_label("Folder").focus();
+    window.step();
+    window.event(egui::Event::Text(folder.path().to_string_lossy().into_owned()));
+    window.step();
+    key(&mut window, Modifiers::NONE, Key::Enter);
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(50));
+        window.step();
+    }
+    look(&mut window, "maps_large.png");
+    let (most, after) = (megabytes("VmHWM"), megabytes("VmRSS"));
+    println!("before {before:.0} MB, at most {most:.0} MB, after {after:.0} MB");
 }

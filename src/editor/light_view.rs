@@ -163,6 +163,17 @@ impl LightView {
         if response.has_focus() {
             painter.rect_stroke(rect, 0.0, ui.visuals().selection.stroke, egui::StrokeKind::Inside);
         }
+        if !light.is_of(scene) {
+            painter.rect_filled(rect, 0.0, Color32::from_black_alpha(140));
+            let (align, font) = (Align2::CENTER_CENTER, FontId::proportional(12.0));
+            painter.text(
+                rect.center(),
+                align,
+                "the next light is being made",
+                font,
+                Color32::WHITE,
+            );
+        }
         compass(ui, rect, toward);
         if response.clicked() {
             self.chosen = response.interact_pointer_pos().and_then(|at| self.hit(rect, turn, at));

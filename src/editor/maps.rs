@@ -359,7 +359,11 @@ fn thumbnail(source: &str) -> Result<Thumbnail> {
     let map = environment::load(source)?.environment;
     let mut size = format!("{} × {}", map.width, map.height);
     if let Ok(file) = std::fs::metadata(source) {
-        size += &format!(", {:.1} MB", file.len() as f64 / 1e6);
+        let bytes = file.len() as f64;
+        size += &match bytes < 1e6 {
+            true => format!(", {:.0} kB", (bytes / 1e3).max(1.0)),
+            false => format!(", {:.1} MB", bytes / 1e6),
+        };
     }
     let scale = exposure_scale(&Scene::default(), map.mean_radiance());
     let small = map.shrunk(THUMBNAIL);

@@ -12,7 +12,9 @@ impl Editor {
         egui::CollapsingHeader::new("Light").default_open(true).show(ui, |ui| {
             field(ui, "environment.source", scene);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::TOP), |ui| {
-                ui.toggle_value(&mut self.maps.open, "Browse maps");
+                if ui.button("Browse maps…").clicked() {
+                    self.maps.open = !self.maps.open;
+                }
             });
             self.light.ui(ui, scene, toward);
             for key in [
