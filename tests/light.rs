@@ -33,19 +33,19 @@ fn see(session: &mut Session, wish: &Wish) -> Vec<Said> {
 }
 
 fn pictures(said: &[Said]) -> Vec<&Picture> {
-    let picture = |said| match said {
-        &Said::Picture(ref picture) => Some(picture),
+    let shown = said.iter().filter_map(|said| match said {
+        Said::Picture(picture) => Some(picture),
         _ => None,
-    };
-    said.iter().filter_map(picture).collect()
+    });
+    shown.collect()
 }
 
 fn lights(said: &[Said]) -> Vec<&Light> {
-    let light = |said| match said {
-        &Said::Light(ref light) => Some(light.as_ref()),
+    let made = said.iter().filter_map(|said| match said {
+        Said::Light(light) => Some(light.as_ref()),
         _ => None,
-    };
-    said.iter().filter_map(light).collect()
+    });
+    made.collect()
 }
 
 fn turned_camera(scene: &Scene) -> Scene {

@@ -296,8 +296,8 @@ fn copies(rect: Rect, turn: f64, uvs: &[[f64; 2]]) -> impl Iterator<Item = Vec<P
     let us = || uvs.iter().map(|uv| uv[0] - turn);
     let least = us().fold(f64::INFINITY, f64::min);
     let most = us().fold(f64::NEG_INFINITY, f64::max);
+    // Of no points, none.
     let shifts = (-most).ceil() as i64..=(1.0 - least).floor() as i64;
-    let shifts = if uvs.is_empty() { 1..=0 } else { shifts };
     shifts.map(move |shift| {
         let place = |&[u, v]: &[f64; 2]| {
             let across = (u - turn + shift as f64) as f32;

@@ -103,12 +103,17 @@ impl Coming {
             ready: AtomicBool::new(false),
             progress: Mutex::new(("loading light", 0.0)),
         });
+        // Pictures that go on meanwhile shall not queue behind the fit.
+        let cores = rayon::current_num_threads();
+        let few = || rayon::ThreadPoolBuilder::new().num_threads((cores - 1).max(1)).build();
+        let pool = known.and_then(|_| few().ok());
         let (own, wanted) = (work.clone(), from.clone());
         let thread = std::thread::spawn(move || {
             if let Some(before) = before {
                 let _ = before.join();
             }
-            let light = own.go_on().and_then(|()| {
+            let make = || {
+                own.go_on()?;
                 let count = wanted.1 as usize;
                 let progress = |done| {
                     own.tell("fitting lights", done);
@@ -118,7 +123,11 @@ impl Coming {
                     Some(folder) => srbf::fit_cached_in(&folder, map, count, &progress),
                     None => srbf::fit(map, count, &progress),
                 })
-            });
+            };
+            let light = match pool {
+                Some(pool) => pool.install(make),
+                None => make(),
+            };
             own.ready.store(light.is_ok(), Ordering::Release);
             light
         });
