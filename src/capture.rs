@@ -120,7 +120,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("field")?;
     let setup_ms = clock.total_ms();
 
-    let scale = exposure_scale(scene, &map.environment);
+    let scale = exposure_scale(scene, map.environment.mean_radiance());
 
     let mut last = None;
     let bar = clock.bar("frames");

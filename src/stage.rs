@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use glam::{DMat3, Vec3};
 
-use crate::environment::{self, Environment};
+use crate::environment;
 use crate::hair::groom::GroomOptions;
 use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
 use crate::head::{self, Head};
@@ -176,19 +176,21 @@ pub fn load_map(source: &str, clock: &Clock) -> Result<environment::Loaded> {
     Ok(loaded)
 }
 
-/// The fit's lights in the world: turned by the environment's rotation, with its exposure.
-pub fn place_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
+/// A light of the fit in the world: turned by the environment's rotation, with its exposure.
+pub fn place_light(light: &SrbfLight, scene: &Scene) -> SrbfLight {
     let turn = DMat3::from_rotation_y(scene.environment.rotation_deg.to_radians());
     let gain = 2f64.powf(scene.environment.exposure);
-    lights
-        .iter()
-        .filter(|light| light.rgb.iter().any(|&c| c > 0.0))
-        .map(|light| SrbfLight {
-            direction: (turn * light.direction).normalize(),
-            rgb: light.rgb.map(|c| c * gain),
-            ..*light
-        })
-        .collect()
+    SrbfLight {
+        direction: (turn * light.direction).normalize(),
+        rgb: light.rgb.map(|c| c * gain),
+        ..*light
+    }
+}
+
+/// The fit's lights in the world, black ones left out.
+pub fn place_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
+    let lit = lights.iter().filter(|light| light.rgb.iter().any(|&c| c > 0.0));
+    lit.map(|light| place_light(light, scene)).collect()
 }
 
 /// [`place_lights`] as frames shade them: wide ones split.
@@ -196,13 +198,13 @@ pub fn shaded_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
     split_wide(&place_lights(lights, scene))
 }
 
-/// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings the map's
-/// mean luminance to a fixed level, before the environment's own exposure, which so keeps its effect.
-pub fn exposure_scale(scene: &Scene, map: &Environment) -> f32 {
+/// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings the luminance of the map's
+/// mean radiance to a fixed level, before the environment's own exposure, which so keeps its effect.
+pub fn exposure_scale(scene: &Scene, mean_radiance: [f64; 3]) -> f32 {
     match scene.output.exposure {
         Some(stops) => 2f64.powf(stops) as f32,
         None => {
-            let mean = luminance(map.mean_radiance().map(|c| c as f32));
+            let mean = luminance(mean_radiance.map(|c| c as f32));
             if mean > 0.0 { EXPOSED_MEAN / mean } else { 1.0 }
         }
     }

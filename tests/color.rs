@@ -48,7 +48,7 @@ fn framed(session: &mut Session, scene: &Scene) -> [f64; 3] {
         }
     };
     let (scene, size) = (scene.clone(), scene.output.size);
-    let wish = Wish { scene, paint: None, size, moving: false, shaders: None };
+    let wish = Wish::new(scene, size);
     assert!(session.see(&wish, &|| true, &say).unwrap());
     let frame = frame.into_inner().unwrap().unwrap();
     let pixels = frame.pixels.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from));

@@ -17,10 +17,10 @@ use tempfile::tempdir;
 
 use crate::frames::capture;
 
-type Window = Harness<'static, Option<Editor>>;
+pub type Window = Harness<'static, Option<Editor>>;
 
 /// A small bob, quickly seen.
-fn small() -> Scene {
+pub fn small() -> Scene {
     let mut scene = Scene::default();
     scene.hair.strands = 1000;
     scene.environment.lights = Some(4);
@@ -30,21 +30,26 @@ fn small() -> Scene {
     scene
 }
 
-fn window(document: Document) -> Window {
+pub fn window(document: Document) -> Window {
+    window_of(document, [860.0, 420.0])
+}
+
+/// Of a size in points.
+pub fn window_of(document: Document, size: [f32; 2]) -> Window {
     let app = move |ui: &mut egui::Ui, state: &mut Option<Editor>| {
         state.get_or_insert_with(|| Editor::new(document.clone(), ui.ctx())).ui(ui);
     };
-    let mut window = Harness::builder().with_size([860.0, 420.0]).build_ui_state(app, None);
+    let mut window = Harness::builder().with_size(size).build_ui_state(app, None);
     seen(&mut window);
     window
 }
 
-fn editor(window: &Window) -> &Editor {
+pub fn editor(window: &Window) -> &Editor {
     window.state().as_ref().expect("an editor")
 }
 
 /// Goes on until the picture is whole.
-fn seen(window: &mut Window) {
+pub fn seen(window: &mut Window) {
     let begun = Instant::now();
     // Clicks take some frames to be one.
     window.run_steps(4);
@@ -61,12 +66,12 @@ fn seen(window: &mut Window) {
     }
 }
 
-fn picture(window: &Window) -> Vec<u8> {
+pub fn picture(window: &Window) -> Vec<u8> {
     editor(window).picture().expect("a picture").rgba.clone()
 }
 
 /// The greatest difference between two pictures, and the share of bytes that differ by more than 2.
-fn apart(a: &[u8], b: &[u8]) -> (u8, f64) {
+pub fn apart(a: &[u8], b: &[u8]) -> (u8, f64) {
     assert_eq!(a.len(), b.len());
     let off = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
     let far = off().filter(|&d| d > 2).count();
@@ -78,7 +83,7 @@ fn middle(window: &Window) -> Pos2 {
 }
 
 /// Drags the pointer, pressed, over places.
-fn drag(window: &mut Window, places: &[Pos2]) {
+pub fn drag(window: &mut Window, places: &[Pos2]) {
     window.hover_at(places[0]);
     window.step();
     window.drag_at(places[0]);
@@ -91,13 +96,13 @@ fn drag(window: &mut Window, places: &[Pos2]) {
     window.step();
 }
 
-fn key(window: &mut Window, modifiers: Modifiers, key: Key) {
+pub fn key(window: &mut Window, modifiers: Modifiers, key: Key) {
     window.key_press_modifiers(modifiers, key);
     window.step();
 }
 
 /// Writes what the window looks like, for the eye.
-fn look(window: &mut Window, name: &str) {
+pub fn look(window: &mut Window, name: &str) {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("editor");
     std::fs::create_dir_all(&folder).unwrap();
     window.render().unwrap().save(folder.join(name)).unwrap();
@@ -490,7 +495,7 @@ fn by_hand_latency() {
     sintel.head.source = format!("{data}/head/sintel.obj");
     for (name, scene) in [("sintel", sintel), ("bob", Scene::default())] {
         let mut session = Session::default();
-        let mut wish = Wish { scene, paint: None, size: [720, 480], moving: false, shaders: None };
+        let mut wish = Wish::new(scene, [720, 480]);
         let mut see = |what: &str, wish: &Wish| {
             let said = Mutex::new(Vec::new());
             let begun = Instant::now();

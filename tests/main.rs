@@ -13,6 +13,7 @@ mod frames;
 mod groom;
 mod hair;
 mod hard_cases;
+mod light;
 mod measure;
 mod nodes;
 mod paint;

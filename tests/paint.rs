@@ -160,7 +160,7 @@ fn painted_thickness_is_diameter() {
         };
         let mut scene = scene(&[&once]);
         scene.render.adapter = "cpu".to_owned();
-        let wish = Wish { scene, paint, size: [72, 54], moving, shaders: None };
+        let wish = Wish { paint, moving, ..Wish::new(scene, [72, 54]) };
         assert!(session.see(&wish, &|| true, &say).unwrap());
         shown.into_inner().unwrap().expect("a picture")
     };

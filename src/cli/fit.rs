@@ -67,13 +67,5 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     if let Some(path) = matches.get_one::<PathBuf>("output") {
         srbf::write_json(&fit.lights, path)?;
     }
-    let percent = |x: f64| format!("{:.2} %", 100.0 * x);
-    print(&rows(&[
-        ("lights", fit.lights.len().to_string()),
-        ("relative L2", percent(fit.relative_l2)),
-        ("blurred, λ = 0.15", percent(fit.relative_l2_blurred_0_15)),
-        ("blurred, λ = 0.3", percent(fit.relative_l2_blurred_0_30)),
-        ("energy ratio", format!("{:.4}", fit.energy_ratio)),
-        ("fitted in", format!("{:.2} s{}", fit.seconds, if fit.cached { ", cached" } else { "" })),
-    ]))
+    print(&rows(&fit.figures()))
 }

@@ -16,6 +16,8 @@ use eframe::egui::{self, Key, KeyboardShortcut, Modifiers, Rect, Ui};
 use super::brush::{Brush, Mode, Places, Stroke};
 use super::document::Document;
 use super::history::{History, Step};
+use super::light_view::LightView;
+use super::maps::Maps;
 use super::shader_watch::Watch;
 use super::viewport::{self, Shown};
 use crate::gpu::shaders::Shaders;
@@ -70,6 +72,8 @@ pub struct Editor {
     worker: Worker,
     shown: Shown,
     stage: Option<Arc<Geometry>>,
+    light: LightView,
+    maps: Maps,
     /// The scene as the history has it.
     settled: Scene,
     asked: Option<(u64, Wish)>,
@@ -117,6 +121,8 @@ impl Editor {
             worker: Worker::new(move || waking.request_repaint()),
             shown: Shown::default(),
             stage: None,
+            light: LightView::default(),
+            maps: Maps::default(),
             asked: None,
             shown_of: 0,
             stroke: None,
@@ -207,6 +213,7 @@ impl Editor {
                     self.stage = Some(stage);
                     self.places = None;
                 }
+                Said::Light(light) => self.light.put(light),
                 Said::Note(line) => self.notes.push(line),
                 Said::Failed(line) => {
                     if number == newest {
@@ -338,6 +345,7 @@ impl Editor {
         if key(Key::Escape) {
             self.give_up_stroke();
             self.shortcuts = false;
+            self.maps.open = false;
             self.files.give_up();
         }
         if ctx.input(|i| i.events.iter().any(|e| matches!(e, egui::Event::Text(t) if t == "?"))) {

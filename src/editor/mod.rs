@@ -4,16 +4,22 @@
 //! - `history`: what was done, step by step, to be undone.
 //! - `brush`: from a place on the screen to paint on strands.
 //! - `viewport`: the picture, the camera and the brush over it.
+//! - `light_view`: the map and its lights, to be looked at and turned.
+//! - `maps`: maps to choose from, with thumbnails.
 //! - `shader_watch`: shaders that are read again when they change.
 //! - `speed_plot`: speed against error, of the view that is shown.
 //! - `fields`: the widgets of the scene's table of fields; nothing here names a range.
+//! - `desktop`: the desktop's own dialogs.
 //! - `app`: what holds them together: a frame of the interface, its sections a file each.
 
 mod app;
 mod brush;
+mod desktop;
 mod document;
 mod fields;
 mod history;
+mod light_view;
+mod maps;
 mod shader_watch;
 mod speed_plot;
 mod viewport;
@@ -27,6 +33,7 @@ pub use app::Editor;
 pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
 pub use document::Document;
 pub use history::{History, Step};
+pub use light_view::outline;
 
 /// Opens the window on a document and comes back when it is closed. `shaders`: a folder to draw by in place of the
 /// built-in ones.

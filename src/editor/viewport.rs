@@ -103,7 +103,7 @@ pub fn turn_light(scene: &mut Scene, drag: Vec2) {
 }
 
 /// Degrees in (−180, 180].
-fn within(degrees: f64) -> f64 {
+pub fn within(degrees: f64) -> f64 {
     -((180.0 - degrees).rem_euclid(360.0) - 180.0)
 }
 

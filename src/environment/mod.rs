@@ -105,6 +105,27 @@ impl Environment {
         sum.to_array()
     }
 
+    /// The map in blocks of equally many pixels, each block its mean, so that no side is longer than `most` ≥ 1.
+    pub fn shrunk(&self, most: usize) -> Environment {
+        let factor = self.width.div_ceil(most).max(self.height.div_ceil(most));
+        let (width, height) = (self.width.div_ceil(factor), self.height.div_ceil(factor));
+        let mut pixels = vec![[0.0; 3]; width * height];
+        for (y, row) in pixels.chunks_exact_mut(width).enumerate() {
+            for (x, mean) in row.iter_mut().enumerate() {
+                let (x0, y0) = (x * factor, y * factor);
+                let (x1, y1) = ((x0 + factor).min(self.width), (y0 + factor).min(self.height));
+                for yy in y0..y1 {
+                    for pixel in &self.pixels[yy * self.width + x0..yy * self.width + x1] {
+                        for c in 0..3 {
+                            mean[c] += pixel[c] / ((x1 - x0) * (y1 - y0)) as f32;
+                        }
+                    }
+                }
+            }
+        }
+        Environment { width, height, pixels }
+    }
+
     /// Mean over the sphere, weighted by solid angle.
     pub fn mean_radiance(&self) -> [f64; 3] {
         let mut sum = DVec3::ZERO;

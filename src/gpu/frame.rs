@@ -477,24 +477,11 @@ impl Renderer {
 
     /// Sets the map behind the hair: turned by `rotation_rad` about +y, multiplied by `scale`.
     pub fn set_environment(&mut self, map: &Environment, rotation_rad: f32, scale: f32) {
-        // Wide maps are halved until they fit a texture that every adapter has.
-        let factor = map.width.div_ceil(4096).max(map.height.div_ceil(4096));
-        let (width, height) = (map.width.div_ceil(factor), map.height.div_ceil(factor));
-        let mut texels = vec![[0.0f32; 4]; width * height];
-        for (y, row) in texels.chunks_exact_mut(width).enumerate() {
-            for (x, texel) in row.iter_mut().enumerate() {
-                let (x0, y0) = (x * factor, y * factor);
-                let (x1, y1) = ((x0 + factor).min(map.width), (y0 + factor).min(map.height));
-                for yy in y0..y1 {
-                    for pixel in &map.pixels[yy * map.width + x0..yy * map.width + x1] {
-                        for c in 0..3 {
-                            texel[c] += pixel[c] / ((x1 - x0) * (y1 - y0)) as f32;
-                        }
-                    }
-                }
-            }
-        }
-        self.environment = environment_texture(&self.gpu, width as u32, height as u32, &texels);
+        // A texture of this side fits every adapter.
+        let small = map.shrunk(4096);
+        let texels: Vec<_> = small.pixels.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
+        let (width, height) = (small.width as u32, small.height as u32);
+        self.environment = environment_texture(&self.gpu, width, height, &texels);
         self.turn_environment(rotation_rad);
         self.environment_scale = scale;
     }

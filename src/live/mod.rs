@@ -1,13 +1,15 @@
 //! Live: a scene that changes, seen again and again, with no more made anew than what changed asks for.
 //!
-//! - [`Session`]: the stages of a frame, each kept with what it was made from: geometry ← hair, head; map; fit ← map,
-//!   lights; lit hair ← fit, rotation; fibres ← fibre, paint; field ← lit hair, fibres. Exposure is a factor.
+//! - [`Session`]: the stages of a frame, each kept with what it was made from: geometry ← hair, head; light ← map,
+//!   number of lights; lit hair ← light, rotation; fibres ← fibre, paint; field ← lit hair, fibres. Exposure is a factor.
+//! - [`Light`]: a map and its fit, made on a thread of its own while pictures go on under the light there was.
 //! - [`Worker`]: a session on a thread of its own. Only the newest wish counts.
 //! - [`truth`]: the same picture path traced, on another thread.
 //!
 //! A picture comes in two steps: one in a hurry (smaller, of fewer and wider strands, with the reach of cells of 1/32
 //! and the field that there was), then, once nothing moves, the very frame that `capture` makes.
 
+mod light;
 mod session;
 pub mod truth;
 mod worker;
@@ -23,6 +25,7 @@ use crate::quality::{Expected, Pick};
 use crate::scene::{EnvironmentSpec, Scene};
 use crate::stage::Geometry;
 
+pub use light::Light;
 pub use session::Session;
 pub use worker::Worker;
 
@@ -41,6 +44,11 @@ pub struct Wish {
 }
 
 impl Wish {
+    /// A scene at rest, as it is.
+    pub fn new(scene: Scene, size: [u32; 2]) -> Self {
+        Wish { scene, paint: None, size, moving: false, shaders: None }
+    }
+
     /// Whether it is the same picture, moving or not.
     pub fn same(&self, other: &Wish) -> bool {
         let Wish { scene, paint, size, shaders, .. } = other;
@@ -74,7 +82,7 @@ pub struct Picture {
     pub size: [u32; 2],
     /// sRGB with straight alpha, rows from the top.
     pub rgba: Vec<u8>,
-    /// Whether it is all that `capture` would make.
+    /// Whether it is all that `capture` would make. Under the light there was, it is not.
     pub finished: bool,
     /// Wall time of the picture alone, and what it is made with, in words.
     pub ms: f64,
@@ -117,6 +125,8 @@ pub enum Said {
     Progress(&'static str, f32),
     /// Geometry that came to be, for who paints on it or asks its size.
     Geometry(Arc<crate::stage::Geometry>),
+    /// Light that came to be, for who looks at it.
+    Light(Arc<Light>),
     /// What was assumed and mended.
     Note(String),
     /// In one line, what is wrong with the wish; the last good stage stays.

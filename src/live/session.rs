@@ -1,13 +1,14 @@
 //! The stages of a frame, each kept until what it was made from changes.
 
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 
-use super::{Figures, Picture, Said, Wish, same, unexposed};
+use super::light::Coming;
+use super::{Figures, Light, Picture, Said, Wish, same, unexposed};
 use crate::capture::{background, parts};
-use crate::environment::{self, Loaded};
 use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Renderer};
@@ -18,7 +19,7 @@ use crate::light::{LitHair, Medium};
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::quality::{self, Costs, Facts, Settings};
 use crate::scene::{FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
-use crate::srbf::{self, Fit, split_weak, split_wide};
+use crate::srbf::{self, split_weak, split_wide};
 use crate::stage::{Geometry, exposure_scale, place_lights};
 use crate::transport::Detail;
 
@@ -83,11 +84,14 @@ struct How {
 pub struct Session {
     gpu: Option<Made<String, Renderer>>,
     body: Option<Made<Shape, Body>>,
-    map: Option<Made<String, Loaded>>,
-    fit: Option<Made<(String, u32), Fit>>,
+    light: Option<Arc<Light>>,
+    /// The light that is asked for, where that is another.
+    coming: Option<Coming>,
+    /// The folder of fits made before; None fits each anew.
+    pub cache: Option<PathBuf>,
     /// Lit through [`Body::coarse`], to the grid's samples alone, and through [`Body::medium`].
     coarse: Option<Made<Turned, LitHair>>,
-    whole: Option<Made<Turned, LitHair>>,
+    fine: Option<Made<Turned, LitHair>>,
     /// Points of the last whole picture.
     seen: Vec<u32>,
     method: Option<Made<Look, MethodData>>,
@@ -97,15 +101,16 @@ pub struct Session {
     /// Those that were tried last.
     shaders: Option<Arc<Shaders>>,
     field: Option<Made<(u64, u64), Option<Field>>>,
-    /// Counts what lighting and fibres were made, for what follows from them.
+    /// Counts what lighting, lights and fibres were made, for what follows from them.
     lit: u64,
-    fits: u64,
+    lights: u64,
     fibres: u64,
     /// The lighting that the renderer is ready to hurry with.
     hurry_ready: Option<u64>,
     hurry_pixels: f64,
-    /// The wish of the last hurried picture, as if nothing moved.
+    /// The wishes of the last hurried and of the last whole picture, as if nothing moved, with the light they show.
     hurried: Option<Wish>,
+    whole: Option<Wish>,
     /// Milliseconds of what was made for the whole picture under way.
     stages: Vec<(&'static str, f64)>,
     facts: Option<Made<(u64, u64), Facts>>,
@@ -121,10 +126,11 @@ impl Default for Session {
         Self {
             gpu: None,
             body: None,
-            map: None,
-            fit: None,
+            light: None,
+            coming: None,
+            cache: srbf::cache_folder(),
             coarse: None,
-            whole: None,
+            fine: None,
             seen: Vec::new(),
             method: None,
             paint: None,
@@ -132,11 +138,12 @@ impl Default for Session {
             shaders: None,
             field: None,
             lit: 0,
-            fits: 0,
+            lights: 0,
             fibres: 0,
             hurry_ready: None,
             hurry_pixels: HURRY_PIXELS[1],
             hurried: None,
+            whole: None,
             stages: Vec::new(),
             facts: None,
         }
@@ -145,7 +152,8 @@ impl Default for Session {
 
 impl Session {
     /// Makes what `wish` asks for: a hurried picture where anything changed, then the whole one unless something moves.
-    /// False where it was given up for `go_on`.
+    /// While its light is still being made these are under the light there was, and others follow unless something
+    /// moves. False where it was given up for `go_on`.
     ///
     /// # Errors
     /// One line, if the wish cannot be seen; what was made before stays.
@@ -159,7 +167,7 @@ impl Session {
                     self.gpu = None;
                     self.body = None;
                 }
-                self.hurried = None;
+                (self.hurried, self.whole) = (None, None);
                 Err(error)
             }
             done => done,
@@ -168,25 +176,98 @@ impl Session {
 
     fn try_see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
         let scene = &wish.scene;
+        self.ask_light(scene);
         self.make_body(wish, say)?;
         self.make_thickness(wish, say)?;
         self.make_shaders(wish, say);
-        self.make_map(scene, say)?;
-        self.make_fit(scene, go_on, say)?;
+        if self.light.is_none() && !self.await_light(scene, go_on, say)? {
+            return Ok(false);
+        }
+        loop {
+            if self.coming.as_ref().is_some_and(|coming| coming.ready()()) {
+                self.take_light(scene, say)?;
+            }
+            // A light that comes meanwhile is worth more than a picture under the old one.
+            let ready = self.coming.as_ref().map(Coming::ready);
+            let on = || go_on() && !ready.as_ref().is_some_and(|ready| ready());
+            match self.show(wish, &on, say) {
+                Err(error) if on() => return Err(error),
+                Ok(true) if self.coming.is_none() || wish.moving => return Ok(true),
+                _ if !self.await_light(scene, go_on, say)? => return Ok(false),
+                _ => {}
+            }
+        }
+    }
+
+    /// Sees to it that the light that the scene asks for is there or coming.
+    fn ask_light(&mut self, scene: &Scene) {
+        if self.light.as_ref().is_some_and(|light| light.is_of(scene)) {
+            self.coming = None;
+        } else if self.coming.as_ref().is_none_or(|coming| !coming.is_of(scene)) {
+            let before = self.coming.take();
+            let known = self.light.as_deref();
+            self.coming = Some(Coming::new(scene, known, self.cache.as_deref(), before));
+        }
+    }
+
+    /// Waits for the light that is coming, and takes it; false where it was given up.
+    fn await_light(&mut self, scene: &Scene, go_on: GoOn, say: Say) -> Result<bool> {
+        const LOOK: Duration = Duration::from_millis(5);
+        let mut told = None;
+        while let Some(coming) = self.coming.as_ref().filter(|_| go_on()) {
+            if coming.over() {
+                self.take_light(scene, say)?;
+                break;
+            }
+            let progress = coming.progress();
+            if told.replace(progress) != Some(progress) {
+                say(Said::Progress(progress.0, progress.1));
+            }
+            std::thread::sleep(LOOK);
+        }
+        Ok(go_on())
+    }
+
+    fn take_light(&mut self, scene: &Scene, say: Say) -> Result<()> {
+        let Some(coming) = self.coming.take() else { return Ok(()) };
+        let light = Arc::new(coming.take()?);
+        if light.map.mended.any() && self.light.as_ref().is_none_or(|l| l.source != light.source) {
+            say(Said::Note(format!("{}: {}", light.source, light.map.mended)));
+        }
+        say(Said::Light(light.clone()));
+        self.light = Some(light);
+        self.lights += 1;
+        self.set_map(scene);
+        Ok(())
+    }
+
+    /// The pictures of a wish under the light that there is.
+    fn show(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
+        let scene = &wish.scene;
+        let Some(light) = &self.light else { bail!("no light") };
+        let mut shown = wish.clone();
+        shown.scene.environment.source.clone_from(&light.source);
+        shown.scene.environment.lights = Some(light.wanted);
         self.make_method(wish)?;
-        if self.hurried.as_ref().is_none_or(|hurried| !hurried.same(wish)) {
+        if self.hurried.as_ref().is_none_or(|hurried| !hurried.same(&shown)) {
             self.make_lighting(scene, wish.moving, go_on, say)?;
             self.hurry(wish, say)?;
-            self.hurried = Some(wish.clone());
+            self.hurried = Some(shown.clone());
         }
         if wish.moving || !go_on() {
             return Ok(wish.moving);
         }
+        if self.coming.is_some() && self.whole.as_ref().is_some_and(|whole| whole.same(&shown)) {
+            return Ok(true);
+        }
+        self.whole = None;
         let begun = Instant::now();
         self.make_medium();
         self.make_lighting(scene, false, go_on, say)?;
         self.stages = vec![("light through hair", ms_since(begun))];
-        self.finish(wish, go_on, say)
+        let whole = self.finish(wish, go_on, say)?;
+        self.whole = whole.then_some(shown);
+        Ok(whole)
     }
 
     /// What is painted of the thickness of `stage`.
@@ -226,7 +307,7 @@ impl Session {
     fn make_medium(&mut self) {
         let Some(body) = self.body.as_mut().filter(|body| body.it.stale) else { return };
         body.it = Body::new(body.it.stage.clone(), body.it.thickness.take());
-        (self.coarse, self.whole) = (None, None);
+        (self.coarse, self.fine) = (None, None);
     }
 
     fn make_body(&mut self, wish: &Wish, say: Say) -> Result<()> {
@@ -259,7 +340,7 @@ impl Session {
         self.gpu = Some(Made { from: adapter.clone(), it: renderer });
         say(Said::Geometry(stage.clone()));
         self.body = Some(Made { from, it: body });
-        (self.coarse, self.whole) = (None, None);
+        (self.coarse, self.fine) = (None, None);
         self.method = None;
         self.field = None;
         self.hurry_ready = None;
@@ -280,40 +361,12 @@ impl Session {
         self.shaders = wish.shaders.clone();
     }
 
-    fn make_map(&mut self, scene: &Scene, say: Say) -> Result<()> {
-        let source = &scene.environment.source;
-        if self.map.as_ref().is_none_or(|made| made.from != *source) {
-            say(Said::Progress("loading light", 0.0));
-            let it = environment::load(source)?;
-            if it.mended.any() {
-                say(Said::Note(format!("{source}: {}", it.mended)));
-            }
-            self.map = Some(Made { from: source.clone(), it });
-            self.set_map(scene);
-        }
-        Ok(())
-    }
-
     /// Puts the map behind the hair.
     fn set_map(&mut self, scene: &Scene) {
-        if let (Some(renderer), Some(map)) = (&mut self.gpu, &self.map) {
+        if let (Some(renderer), Some(light)) = (&mut self.gpu, &self.light) {
             let turn = scene.environment.rotation_deg.to_radians() as f32;
-            renderer.it.set_environment(&map.it.environment, turn, 1.0);
+            renderer.it.set_environment(&light.map.environment, turn, 1.0);
         }
-    }
-
-    fn make_fit(&mut self, scene: &Scene, go_on: GoOn, say: Say) -> Result<()> {
-        let Some(map) = &self.map else { bail!("no light") };
-        let from = (map.from.clone(), Settings::of(scene).lights);
-        if self.fit.as_ref().is_none_or(|made| made.from != from) {
-            let it = srbf::fit_cached(&map.it.environment, from.1 as usize, &|done| {
-                say(Said::Progress("fitting lights", done));
-                go_on()
-            })?;
-            self.fit = Some(Made { from, it });
-            self.fits += 1;
-        }
-        Ok(())
     }
 
     fn make_method(&mut self, wish: &Wish) -> Result<()> {
@@ -337,12 +390,14 @@ impl Session {
 
     /// `hurry`: what is there will do, or else what coarse cells say.
     fn make_lighting(&mut self, scene: &Scene, hurry: bool, go_on: GoOn, say: Say) -> Result<()> {
-        let (Some(body), Some(fit)) = (&self.body, &self.fit) else { bail!("no hair or light") };
-        let from = (self.fits, scene.environment.rotation_deg);
+        let (Some(body), Some(light)) = (&self.body, &self.light) else {
+            bail!("no hair or light")
+        };
+        let from = (self.lights, scene.environment.rotation_deg);
         let good = |made: &Option<Made<Turned, LitHair>>| {
             made.as_ref().is_some_and(|made| made.from == from)
         };
-        if good(&self.whole) || hurry && good(&self.coarse) {
+        if good(&self.fine) || hurry && good(&self.coarse) {
             return Ok(());
         }
         if !good(&self.coarse)
@@ -350,10 +405,10 @@ impl Session {
         {
             renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
         }
-        let lights = place_lights(&fit.it.lights, &unexposed(scene));
+        let lights = place_lights(&light.fit.lights, &unexposed(scene));
         let (medium, made, lights) = match hurry {
             true => (&body.it.coarse, &mut self.coarse, split_weak(&lights, HURRY_LIGHTS)),
-            false => (&body.it.medium, &mut self.whole, split_wide(&lights)),
+            false => (&body.it.medium, &mut self.fine, split_wide(&lights)),
         };
         /// Of no fit.
         const NOT_YET: Turned = (u64::MAX, 0.0);
@@ -378,7 +433,7 @@ impl Session {
         let size = wish.size.map(|s| (f64::from(s) * share).round().max(1.0) as u32);
         let asked = parts(scene.render.scattering);
         let (now, ready) = (self.lit, self.hurry_ready);
-        let turned = (self.fits, scene.environment.rotation_deg);
+        let turned = (self.lights, scene.environment.rotation_deg);
         let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, size)?;
@@ -416,7 +471,7 @@ impl Session {
         let asked = parts(scene.render.scattering);
         let settings = Settings::of(scene);
         self.hurry_ready = None;
-        let turned = (self.fits, scene.environment.rotation_deg);
+        let turned = (self.lights, scene.environment.rotation_deg);
         let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, wish.size)?;
@@ -475,7 +530,9 @@ impl Session {
             settings.samples,
             frame.shaded.len()
         );
-        self.say_picture(wish, frame, &lens, How { ms, quality, figures: Some(figures) }, say)?;
+        // Under an old light nothing is finished.
+        let figures = Some(figures).filter(|_| self.coming.is_none());
+        self.say_picture(wish, frame, &lens, How { ms, quality, figures }, say)?;
         Ok(true)
     }
 
@@ -489,8 +546,8 @@ impl Session {
     ) -> Result<Figures> {
         let multiple = parts(scene.render.scattering).multiple();
         let from = (self.lit, self.fibres);
-        let Some(fit) = &self.fit else { bail!("no light") };
-        let (Some(body), Some(lit), Some(method)) = (&self.body, &self.whole, &self.method) else {
+        let Some(light) = &self.light else { bail!("no light") };
+        let (Some(body), Some(lit), Some(method)) = (&self.body, &self.fine, &self.method) else {
             bail!("no hair")
         };
         let lights = &lit.it.lights;
@@ -501,7 +558,7 @@ impl Session {
         facts.multiple = multiple;
         facts.width_px = f64::from(body.it.stage.diameter) * lens.pixels_per_unit() / lens.distance;
         self.facts = Some(Made { from, it: facts });
-        let (fitted, fit_error) = (fit.it.lights.len(), fit.it.relative_l2_blurred_0_30);
+        let (fitted, fit_error) = (light.fit.lights.len(), light.fit.relative_l2_blurred_0_30);
         let (points, lights) = (frame.shaded.len(), lights.len());
         let shade = frame.passes.get("shade").copied();
         let costs = shade.map(|shade_ms| {
@@ -531,7 +588,7 @@ impl Session {
         say: Say,
     ) -> Result<()> {
         let How { ms, quality, figures } = how;
-        let Some(map) = &self.map else { bail!("no light") };
+        let Some(light) = &self.light else { bail!("no light") };
         if frame.pixels.iter().flatten().any(|v| !v.is_finite()) {
             bail!(
                 "some pixels came out NaN or infinite: this is a fault of Hairlight; please report the scene"
@@ -539,7 +596,7 @@ impl Session {
         }
         let scene = &wish.scene;
         let gain = 2f64.powf(scene.environment.exposure) as f32;
-        let scale = exposure_scale(scene, &map.it.environment) * gain;
+        let scale = exposure_scale(scene, light.mean_radiance) * gain;
         let rgba = display_bytes(&frame.pixels, scale);
         let lens = Lens { size: frame.size, ..*lens };
         let (size, finished) = (frame.size, figures.is_some());
@@ -563,7 +620,7 @@ impl Session {
         &mut self,
         turned: Turned,
     ) -> Option<(&Body, &mut Renderer, &mut LitHair, &MethodData)> {
-        let mut lit = [&mut self.whole, &mut self.coarse].into_iter().flatten();
+        let mut lit = [&mut self.fine, &mut self.coarse].into_iter().flatten();
         Some((
             &self.body.as_ref()?.it,
             &mut self.gpu.as_mut()?.it,

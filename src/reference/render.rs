@@ -115,7 +115,12 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     match format {
         Format::Exr if film.samples > 0 => shot.write_truth(path, &film, &identity)?,
         Format::Png if finished => {
-            write_display(path, film.size, &shot.composed(&film), exposure_scale(scene, &map))?;
+            write_display(
+                path,
+                film.size,
+                &shot.composed(&film),
+                exposure_scale(scene, map.mean_radiance()),
+            )?;
         }
         _ => {}
     }

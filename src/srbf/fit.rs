@@ -101,6 +101,20 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// What people read of it: names and figures in words, in the order in which they are read.
+    pub fn figures(&self) -> [(&'static str, String); 6] {
+        let percent = |x: f64| format!("{:.2} %", 100.0 * x);
+        let cached = if self.cached { ", cached" } else { "" };
+        [
+            ("lights", self.lights.len().to_string()),
+            ("relative L2", percent(self.relative_l2)),
+            ("blurred, λ = 0.15", percent(self.relative_l2_blurred_0_15)),
+            ("blurred, λ = 0.3", percent(self.relative_l2_blurred_0_30)),
+            ("energy ratio", format!("{:.4}", self.energy_ratio)),
+            ("fitted in", format!("{:.2} s{cached}", self.seconds)),
+        ]
+    }
+
     /// Measures given lights against a map (`seconds` 0).
     pub fn measured(env: &Environment, lights: Vec<SrbfLight>) -> Self {
         Self::measured_by(env, &Harmonics::of_map(env, band_of_blur(VIEWS[0].0)), lights)

@@ -12,8 +12,11 @@ mod harmonics;
 mod lights_json;
 mod sample;
 
+use std::f64::consts::LN_2;
+
 use anyhow::{Result, ensure};
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::environment::{Environment, uv_to_direction};
 use crate::scattering::gaussian::concentration as sharpness;
@@ -50,6 +53,13 @@ impl SrbfLight {
             (-(omega - self.direction).length_squared() / (self.lambda * self.lambda)).exp();
         self.rgb.map(|v| v * value)
     }
+
+    /// The angle in radians from `direction` at which the radiance is half its peak: 2 asin(λ √(ln 2)/2). None for a
+    /// lobe so wide that it falls to no half.
+    pub fn half_angle(&self) -> Option<f64> {
+        let sin = 0.5 * self.lambda * LN_2.sqrt();
+        (sin <= 1.0).then(|| 2.0 * sin.asin())
+    }
 }
 
 /// Radiance of all the lights from direction ω (a unit vector), linear RGB.
@@ -63,7 +73,7 @@ pub fn radiance(lights: &[SrbfLight], omega: DVec3) -> [f64; 3] {
 /// The lights as a lat-long map, for a look at what they hold.
 pub fn preview(lights: &[SrbfLight], width: usize, height: usize) -> Environment {
     let pixels = pixel_directions(width, height)
-        .iter()
+        .par_iter()
         .map(|&omega| radiance(lights, omega).map(|v| v as f32))
         .collect();
     Environment { width, height, pixels }

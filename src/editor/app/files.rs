@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use eframe::egui::{self, Key, Ui};
 
 use super::{Editor, History, SHORTCUTS};
+use crate::editor::desktop;
 use crate::editor::document::{Document, put_file};
 use crate::scene::Scene;
 
@@ -216,7 +217,7 @@ impl Editor {
                 }
                 if ui.add_enabled(prompt.chosen.is_none(), egui::Button::new("Browse…")).clicked()
                 {
-                    prompt.chosen = Some(browse(prompt.kind, ctx.clone()));
+                    prompt.chosen = Some(browse(prompt.kind, ctx));
                 }
             });
             ui.horizontal(|ui| {
@@ -238,20 +239,13 @@ impl Editor {
     }
 }
 
-/// The desktop's own dialog, on a thread; nothing comes of it where there is no desktop.
-fn browse(kind: PromptKind, ctx: egui::Context) -> std::sync::mpsc::Receiver<Option<PathBuf>> {
-    let (sender, receiver) = std::sync::mpsc::channel();
-    std::thread::spawn(move || {
-        let dialog = rfd::FileDialog::new();
-        let chosen = match kind {
-            PromptKind::Open => dialog
-                .add_filter("Scene, hair, head, map", &["toml", "hair", "tfx", "obj", "exr", "hdr"])
-                .pick_file(),
-            PromptKind::Save => dialog.add_filter("Scene", &["toml"]).save_file(),
-            PromptKind::Picture => dialog.add_filter("Picture", &["png"]).save_file(),
-        };
-        let _ = sender.send(chosen);
-        ctx.request_repaint();
-    });
-    receiver
+/// The desktop's own dialog.
+fn browse(kind: PromptKind, ctx: &egui::Context) -> std::sync::mpsc::Receiver<Option<PathBuf>> {
+    desktop::ask(ctx, move |dialog| match kind {
+        PromptKind::Open => dialog
+            .add_filter("Scene, hair, head, map", &["toml", "hair", "tfx", "obj", "exr", "hdr"])
+            .pick_file(),
+        PromptKind::Save => dialog.add_filter("Scene", &["toml"]).save_file(),
+        PromptKind::Picture => dialog.add_filter("Picture", &["png"]).save_file(),
+    })
 }
