@@ -80,6 +80,11 @@ pub fn outline(light: &SrbfLight) -> Vec<[f64; 2]> {
 }
 
 impl LightView {
+    /// What is seen.
+    pub fn light(&self) -> Option<&Arc<Light>> {
+        self.light.as_ref()
+    }
+
     /// Shows another light.
     pub fn put(&mut self, light: Arc<Light>) {
         let ring =

@@ -7,7 +7,6 @@ use anyhow::Result;
 
 use super::session::GoOn;
 use super::{Picture, Wish, Worker, unexposed};
-use crate::environment;
 use crate::image::display_bytes;
 use crate::measure::compare::{Judged, judge};
 use crate::measure::read;
@@ -31,6 +30,7 @@ const MOST_SAMPLES: u32 = 4096;
 pub struct Question {
     pub wish: Wish,
     pub stage: Arc<Geometry>,
+    pub light: Arc<super::Light>,
     pub picture: Picture,
 }
 
@@ -74,14 +74,14 @@ impl Question {
     /// Tells `say` more and more of the truth, until it has [`MOST_SAMPLES`] or `go_on` says no.
     ///
     /// # Errors
-    /// One line: a light or paint that cannot be read, or a sample that is not finite.
+    /// One line: a black light, paint that cannot be read, or a sample that is not finite.
     pub fn trace(&self, go_on: GoOn, say: &dyn Fn(Traced)) -> Result<()> {
         let begun = Instant::now();
-        let Question { wish, stage, picture } = self;
+        let Question { wish, stage, light, picture } = self;
         // As frames are: the light's exposure is a factor on the whole.
         let scene = unexposed(&wish.scene);
-        let map = environment::load(&scene.environment.source)?.environment;
-        let light = Light::map(&map, scene.environment.rotation_deg.to_radians(), 1.0)?;
+        let map = &light.map.environment;
+        let light = Light::map(map, scene.environment.rotation_deg.to_radians(), 1.0)?;
         let fibres = wish.fibres(stage)?;
         let models = Models::new(&scene.fibre, &fibres);
         let Geometry { hair, diameters, frames, head, center, .. } = &**stage;
@@ -102,7 +102,7 @@ impl Question {
                 max_depth: u32::MAX,
                 seed: 0,
             };
-            let shot = Shot { scene: &scene, map: &map, lens: &lens };
+            let shot = Shot { scene: &scene, map, lens: &lens };
             let mut film = Film::new(size);
             while film.samples < most {
                 // Each picture has a quarter more samples than the one before.

@@ -117,14 +117,14 @@ impl Editor {
             return;
         }
         truth.said = None;
-        let question = match (wanted, &self.asked, &self.stage, &self.shown.picture) {
-            (Some(_), Some((_, wish)), Some(stage), Some(picture)) => Some(Question {
-                wish: wish.clone(),
-                stage: stage.clone(),
-                picture: picture.clone(),
-            }),
-            _ => None,
-        };
+        let question = wanted.and_then(|_| {
+            Some(Question {
+                wish: self.asked.as_ref()?.1.clone(),
+                stage: self.stage.clone()?,
+                light: self.light.light()?.clone(),
+                picture: self.shown.picture.clone()?,
+            })
+        });
         let waking = ctx.clone();
         let tracer = truth.tracer.get_or_insert_with(|| tracer(move || waking.request_repaint()));
         let number = tracer.ask(question);
