@@ -16,19 +16,30 @@ pub struct Reporting {
     pub cancelled: &'static AtomicBool,
 }
 
+/// Told what is done and which share of it; false cancels.
+pub type Told<'a> = &'a (dyn Fn(&'static str, f32) -> bool + Sync);
+
 /// Wall times of a command's steps, progress and notes.
-pub struct Clock {
+pub struct Clock<'a> {
     reporting: Reporting,
+    told: Option<Told<'a>>,
     begun: Instant,
     last: Instant,
     /// Milliseconds.
     pub steps: BTreeMap<&'static str, f64>,
 }
 
-impl Clock {
-    pub fn new(reporting: Reporting) -> Clock {
+impl<'a> Clock<'a> {
+    pub fn new(reporting: Reporting) -> Clock<'a> {
         let now = Instant::now();
-        Clock { reporting, begun: now, last: now, steps: BTreeMap::new() }
+        Clock { reporting, told: None, begun: now, last: now, steps: BTreeMap::new() }
+    }
+
+    /// Of work that is no command: says nothing but to `told`.
+    pub fn telling(told: Told<'a>) -> Clock<'a> {
+        static NEVER: AtomicBool = AtomicBool::new(false);
+        let reporting = Reporting { quiet: true, cancelled: &NEVER };
+        Clock { told: Some(told), ..Clock::new(reporting) }
     }
 
     pub fn cancelled(&self) -> bool {
@@ -64,7 +75,7 @@ impl Clock {
         let bar = self.bar(what);
         let result = work(&|done| {
             bar.set_position((f64::from(done) * 1000.0) as u64);
-            !self.cancelled()
+            self.told.is_none_or(|told| told(what, done)) && !self.cancelled()
         });
         bar.finish_and_clear();
         result

@@ -221,6 +221,22 @@ fn the_truth_stands_beside_the_frame() {
         look(&mut window, &format!("truth-{name}.png"));
     }
 
+    window.get_by_label("Measure causes").click();
+    let begun = Instant::now();
+    while editor(&window).causes().is_none() {
+        window.step();
+        assert!(begun.elapsed() < Duration::from_secs(300), "no causes");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let causes = editor(&window).causes().unwrap().clone();
+    println!("causes: {causes:?}");
+    assert!(causes.whole > 0.02 && causes.whole < 1.0);
+    // Exact integrals help `fast` by little: it is within a hundredth of them.
+    let alone = |name: &str| causes.parts.iter().find(|part| part.name == name).unwrap().alone;
+    assert!(alone("scattering integral") < alone("multiple scattering"));
+    window.run_steps(2);
+    look(&mut window, "causes.png");
+
     let [width, height] = editor(&window).picture().unwrap().size;
     std::fs::write(folder.path().join("scene.toml"), scene.to_toml()).unwrap();
     let size = format!("{width}x{height}");

@@ -8,6 +8,8 @@ use anyhow::Result;
 use super::session::GoOn;
 use super::{Picture, Wish, Worker, unexposed};
 use crate::image::display_bytes;
+use crate::measure::bench::causes::Causes;
+use crate::measure::bench::here;
 use crate::measure::compare::{Judged, judge};
 use crate::measure::read;
 use crate::reference::Models;
@@ -31,12 +33,18 @@ pub struct Question {
     pub wish: Wish,
     pub stage: Arc<Geometry>,
     pub light: Arc<super::Light>,
+    /// Whether the causes of the picture's error are to be measured first.
+    pub causes: bool,
     pub picture: Picture,
 }
 
 /// What the path tracer has so far.
 pub enum Answer {
     Traced(Box<Traced>),
+    /// What is measured of the causes, and the share done.
+    Measuring(&'static str, f32),
+    /// Each alone, in a picture of this size.
+    Causes(Box<Causes>, [u32; 2]),
     /// In one line, why there is no truth.
     Failed(String),
 }
@@ -63,21 +71,40 @@ pub type Tracer = Worker<Option<Question>, Answer>;
 pub fn tracer(wake: impl Fn() + Send + Sync + 'static) -> Tracer {
     Worker::with(wake, |question: &Option<Question>, go_on, say| {
         let Some(question) = question else { return };
-        let answer = |traced| say(Answer::Traced(Box::new(traced)));
-        if let Err(error) = question.trace(go_on, &answer) {
-            say(Answer::Failed(format!("{error:#}")));
+        let measured = || match question.causes {
+            true => question.measure(go_on, say),
+            false => Ok(()),
+        };
+        let traced = |_| question.trace(go_on, &|traced| say(Answer::Traced(Box::new(traced))));
+        match measured().and_then(traced) {
+            Err(error) if go_on() => say(Answer::Failed(format!("{error:#}"))),
+            _ => {}
         }
     })
 }
 
 impl Question {
+    fn measure(&self, go_on: GoOn, say: &(dyn Fn(Answer) + Sync)) -> Result<()> {
+        let Question { wish, stage, light, picture, .. } = self;
+        let told = |what, done| {
+            say(Answer::Measuring(what, done));
+            go_on()
+        };
+        let fibres = wish.fibres(stage)?;
+        let map = &light.map.environment;
+        let scene = unexposed(&wish.scene);
+        let (causes, size) = here::causes(&scene, stage, &fibres, map, &picture.lens, &told)?;
+        say(Answer::Causes(Box::new(causes), size));
+        Ok(())
+    }
+
     /// Tells `say` more and more of the truth, until it has [`MOST_SAMPLES`] or `go_on` says no.
     ///
     /// # Errors
     /// One line: a black light, paint that cannot be read, or a sample that is not finite.
     pub fn trace(&self, go_on: GoOn, say: &dyn Fn(Traced)) -> Result<()> {
         let begun = Instant::now();
-        let Question { wish, stage, light, picture } = self;
+        let Question { wish, stage, light, picture, .. } = self;
         // As frames are: the light's exposure is a factor on the whole.
         let scene = unexposed(&wish.scene);
         let map = &light.map.environment;

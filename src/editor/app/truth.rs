@@ -6,6 +6,7 @@ use super::Editor;
 use crate::editor::speed_plot::speed_plot;
 use crate::editor::viewport::Pane;
 use crate::live::truth::{Answer, Question, Traced, Tracer, tracer};
+use crate::measure::bench::causes::Causes;
 use crate::measure::compare::Judged;
 
 /// What is shown on the right of the divider.
@@ -35,8 +36,12 @@ pub(super) struct Truth {
     side: Side,
     /// Once it was asked.
     tracer: Option<Tracer>,
-    /// Numbers of the question that is traced, and of the wish whose picture it is about.
-    of: Option<(u64, u64)>,
+    /// Number of the question that is traced, that of the wish whose picture it is about, and whether causes were asked.
+    of: Option<(u64, (u64, bool))>,
+    /// Of the wish whose causes of error are to be measured.
+    causes_of: Option<u64>,
+    causes: Option<(Box<Causes>, [u32; 2])>,
+    measuring: Option<(&'static str, f32)>,
     said: Option<Result<Box<Traced>, String>>,
     pane: Pane,
 }
@@ -50,6 +55,9 @@ impl Default for Truth {
             side: Side::default(),
             tracer: None,
             of: None,
+            causes_of: None,
+            causes: None,
+            measuring: None,
             said: None,
             pane: Pane::default(),
         }
@@ -100,17 +108,25 @@ impl Editor {
     pub(super) fn ask_truth(&mut self, ctx: &egui::Context) {
         let finished = self.finished();
         let truth = &mut self.truth;
-        let wanted = (truth.on && finished).then_some(self.shown_of);
+        if truth.causes_of.is_some_and(|wish| wish != self.shown_of) {
+            (truth.causes_of, truth.causes) = (None, None);
+        }
+        let causes = truth.causes_of.is_some();
+        let wanted = (truth.on && finished).then_some((self.shown_of, causes));
         if let Some(tracer) = &truth.tracer {
             let of = truth.of.map(|(number, _)| number);
-            let newest = tracer.said().filter(|(number, _)| Some(*number) == of).last();
-            if let Some((_, answer)) = newest {
-                truth.said = Some(match answer {
-                    Answer::Traced(traced) => Ok(traced),
-                    Answer::Failed(line) => Err(line),
-                });
+            let mut newer = false;
+            for (_, answer) in tracer.said().filter(|(number, _)| Some(*number) == of) {
+                truth.measuring = None;
+                match answer {
+                    Answer::Measuring(what, done) => truth.measuring = Some((what, done)),
+                    Answer::Causes(causes, size) => truth.causes = Some((causes, size)),
+                    Answer::Traced(traced) => (truth.said, newer) = (Some(Ok(traced)), true),
+                    Answer::Failed(line) => truth.said = Some(Err(line)),
+                }
+            }
+            if newer {
                 truth.put(ctx);
-                ctx.request_repaint();
             }
         }
         if truth.of.map(|(_, wish)| wish) == wanted {
@@ -123,12 +139,14 @@ impl Editor {
                 stage: self.stage.clone()?,
                 light: self.light.light()?.clone(),
                 picture: self.shown.picture.clone()?,
+                causes,
             })
         });
         let waking = ctx.clone();
         let tracer = truth.tracer.get_or_insert_with(|| tracer(move || waking.request_repaint()));
         let number = tracer.ask(question);
-        truth.of = wanted.map(|wish| (number, wish));
+        truth.of = wanted.map(|wanted| (number, wanted));
+        truth.measuring = None;
     }
 
     /// The right side of the picture.
@@ -192,8 +210,37 @@ impl Editor {
                     None => _ = ui.weak("once the frame is finished"),
                 }
             }
+            if self.truth.on && self.truth.causes.is_none() {
+                match self.truth.measuring {
+                    Some((what, done)) => {
+                        ui.add(egui::ProgressBar::new(done).text(what));
+                        if ui.button("Cancel measuring").clicked() {
+                            self.truth.causes_of = None;
+                        }
+                    }
+                    None => {
+                        let wish = self.finished().then_some(self.shown_of);
+                        let asked = self.truth.causes_of.is_some();
+                        let button = egui::Button::new("Measure causes");
+                        let button = ui.add_enabled(wish.is_some() && !asked, button);
+                        if button
+                            .on_hover_text(
+                                "Path traces small pictures with one part exact at a time",
+                            )
+                            .clicked()
+                        {
+                            self.truth.causes_of = wish;
+                        }
+                    }
+                }
+            }
             self.cost(ui);
         });
+    }
+
+    /// The causes of the frame's error, once they were measured.
+    pub fn causes(&self) -> Option<&Causes> {
+        self.truth.causes.as_ref().map(|(causes, _)| &**causes)
     }
 
     /// What the frame cost, by stage and pass, and the error to expect of it by cause.
@@ -204,20 +251,36 @@ impl Editor {
         };
         ui.separator();
         let expected = &figures.expected;
-        rows(
-            ui,
-            "Error to expect",
-            "Relative L2 against path tracing, and its causes: their squares add up",
-            [
-                ("in all", percent(expected.total)),
-                ("light fit", percent(expected.fit)),
-                ("scattering integrals", percent(expected.integrals)),
-                ("transmittance", percent(expected.transmittance)),
-                ("multiple scattering", percent(expected.multiple)),
-                ("coverage", percent(expected.coverage)),
-                ("what is skipped", percent(expected.skipping)),
-            ],
+        let measured = self.truth.causes.as_ref();
+        let alone = |name: &str| {
+            let parts = &measured?.0.parts;
+            Some(parts.iter().find(|part| part.name == name)?.alone)
+        };
+        let title = match measured {
+            Some((_, [width, height])) => {
+                format!("Error by cause: expected, measured at {width} × {height}")
+            }
+            None => "Error to expect, by cause".to_owned(),
+        };
+        ui.label(title).on_hover_text(
+            "Relative L2 against path tracing. Squares of what is expected add up; what is measured is each cause alone",
         );
+        Grid::new("causes").num_columns(3).striped(true).show(ui, |ui| {
+            for (name, expected, measured) in [
+                ("in all", expected.total, measured.map(|(causes, _)| causes.whole)),
+                ("light fit", expected.fit, alone("light fit")),
+                ("scattering integrals", expected.integrals, alone("scattering integral")),
+                ("transmittance", expected.transmittance, alone("transmittance")),
+                ("multiple scattering", expected.multiple, alone("multiple scattering")),
+                ("coverage", expected.coverage, alone("coverage")),
+                ("what is skipped", expected.skipping, None),
+            ] {
+                ui.weak(name);
+                ui.label(percent(expected));
+                ui.label(measured.map_or(String::new(), percent));
+                ui.end_row();
+            }
+        });
         ui.separator();
         let ms = |ms: f64| format!("{ms:.1} ms");
         rows(

@@ -18,9 +18,7 @@
 use anyhow::Result;
 use serde::Serialize;
 
-use super::Effort;
 use super::images::{ALL, Asked, Lit, NONE, SINGLE, View};
-use super::method::{Method, exact_single};
 use crate::field::Field;
 use crate::gpu::frame::Parts;
 use crate::gpu::method::MethodData;
@@ -28,7 +26,7 @@ use crate::light::LitHair;
 use crate::measure::compare::compare;
 use crate::measure::read::Picture;
 use crate::progress::Clock;
-use crate::scene::{Bcsdf, FibreSpec};
+use crate::reference::Models;
 
 /// Names of [`Causes::parts`], in order.
 pub const CAUSES: [&str; 5] =
@@ -58,7 +56,7 @@ pub struct Causes {
 
 /// A picture to be taken apart.
 pub(super) struct Subject<'a> {
-    pub method: &'a Method,
+    pub method: String,
     pub data: &'a MethodData,
     pub field: Option<&'a Field>,
     pub lit: &'a Lit<'a>,
@@ -75,24 +73,22 @@ pub(super) struct OfModel {
 }
 
 impl OfModel {
-    /// Leaves another method set in the view.
+    /// `exact`: the model's single scattering by dense quadrature. Leaves another method set in the view.
     pub fn new(
         view: &mut View,
-        bcsdf: Bcsdf,
-        fibre: &FibreSpec,
+        models: &Models,
+        exact: Option<MethodData>,
         lit: &Lit,
-        effort: &Effort,
+        samples: u32,
         clock: &Clock,
     ) -> Result<OfModel> {
         let truth = |max_depth| {
-            let asked = Asked { fibre, bcsdf, light: &lit.fitted, max_depth, seed: 2 };
-            clock.watch("truth by lights", |progress| {
-                view.truth(&asked, effort.truth_samples, progress)
-            })
+            let asked = Asked { models, light: &lit.fitted, max_depth, seed: 2 };
+            clock.watch("truth by lights", |progress| view.truth(&asked, samples, progress))
         };
         let (fitted, fitted_single) = (truth(u32::MAX)?, truth(1)?);
         let mut singles = None;
-        if let Some(data) = exact_single(bcsdf, &fibre.resolve()) {
+        if let Some(data) = exact {
             let mut by = |hair: &LitHair| {
                 hair.show(&mut view.renderer, &data, None);
                 shot(view, SINGLE)
@@ -109,7 +105,7 @@ fn shot(view: &mut View, parts: Parts) -> Result<Picture> {
 
 /// Finds the causes; the view keeps the method and lights of a frame.
 pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
-    let Subject { method, data, field, lit, truth, model } = *subject;
+    let Subject { ref method, data, field, lit, truth, model } = *subject;
     let OfModel { fitted, fitted_single, exact_single } = model;
     lit.exact.show(&mut view.renderer, data, field);
     let by_reach = shot(view, ALL)?;
@@ -139,7 +135,7 @@ pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
     };
     let [light_fit, coverage, transmittance, integral, multiple] = CAUSES;
     Ok(Causes {
-        method: method.label(),
+        method: method.clone(),
         whole: error(&frame, truth)?,
         parts: vec![
             Cause {

@@ -14,27 +14,28 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::causes::{self, Causes, OfModel};
-use super::method::{Method, table_bytes};
+use super::method::{Method, exact_single, table_bytes};
 use super::statistics::Spread;
 use super::{Context, Effort, Groom};
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
-use crate::gpu::method::Integrator;
+use crate::gpu::method::{Integrator, MethodData};
 use crate::light::{LitHair, Medium};
 use crate::measure::compare::compare;
 use crate::measure::read::Picture;
+use crate::paint::Fibres;
 use crate::progress::Clock;
 use crate::quality::Settings;
+use crate::reference::Models;
 use crate::reference::tracer::film::Film;
 use crate::reference::tracer::light::Light;
 use crate::reference::tracer::skin::Skin;
 use crate::reference::tracer::strands::Strands;
 use crate::reference::tracer::{Sampling, TraceScene, trace};
 use crate::reference::transmittance::RealStrands;
-use crate::reference::{Models, model_of};
-use crate::scene::{Bcsdf, FibreSpec, Lens, PRESETS, Scene};
+use crate::scene::{FibreSpec, Lens, PRESETS, Scene};
 use crate::srbf;
 use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights, shaded_lights};
 use crate::transport::Detail;
@@ -114,7 +115,7 @@ impl Image {
 /// A groom before its camera.
 pub(super) struct View<'a> {
     pub stage: &'a Geometry,
-    medium: Medium,
+    pub medium: Medium,
     pub lens: Lens,
     pub renderer: Renderer,
     /// Those that the frame needs.
@@ -124,7 +125,30 @@ pub(super) struct View<'a> {
     samples: u32,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    pub fn new(
+        gpu: Gpu,
+        method: &MethodData,
+        stage: &'a Geometry,
+        lens: Lens,
+        samples: u32,
+    ) -> Result<View<'a>> {
+        let mut renderer = Renderer::new(gpu, method, stage)?;
+        let pieces = stage.pieces(&lens);
+        let points = renderer.visible_points(&[lens], pieces, samples)?;
+        let Geometry { hair, diameters, frames, head, center, .. } = stage;
+        Ok(View {
+            medium: Medium::new(stage, &Detail::USUAL),
+            stage,
+            lens,
+            renderer,
+            points,
+            strands: Strands::new(hair, diameters, frames, pieces, *center),
+            skin: head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center)),
+            samples,
+        })
+    }
+
     /// A frame and what its shading took.
     pub fn render(&mut self, parts: Parts) -> Result<(Frame, f64)> {
         let timed = |view: &mut Self, parts| {
@@ -150,13 +174,11 @@ impl View<'_> {
         samples: u32,
         progress: &(dyn Fn(f32) -> bool + Sync),
     ) -> Result<()> {
-        let model = model_of(&FibreSpec { model: asked.bcsdf, ..asked.fibre.clone() });
-        let models = Models::even(&*model);
         let scene = TraceScene {
             strands: &self.strands,
             skin: self.skin.as_ref(),
             light: asked.light,
-            models: &models,
+            models: asked.models,
             lens: self.lens,
             max_depth: asked.max_depth,
             sampling: Sampling::Both,
@@ -183,8 +205,7 @@ impl View<'_> {
 /// What a path-traced picture is of.
 #[derive(Clone, Copy)]
 pub(super) struct Asked<'a> {
-    pub fibre: &'a FibreSpec,
-    pub bcsdf: Bcsdf,
+    pub models: &'a Models<'a>,
     pub light: &'a Light<'a>,
     pub max_depth: u32,
     pub seed: u32,
@@ -216,21 +237,8 @@ pub fn measure(gpu: Gpu, groom: &Groom, context: &Context) -> Result<(Gpu, Vec<I
     scene.output.size = effort.size;
     let stage = Geometry::load(&scene)?;
     let first = methods[0].data(&scene.fibre.resolve(), tables);
-    let mut renderer = Renderer::new(gpu, &first, &stage)?;
     let lens = stage.camera(&scene)?.lens(stage.center, scene.output.size);
-    let pieces = stage.pieces(&lens);
-    let points = renderer.visible_points(&[lens], pieces, effort.samples)?;
-    let Geometry { hair, diameters, frames, head, center, .. } = &stage;
-    let mut view = View {
-        medium: Medium::new(&stage, &Detail::USUAL),
-        stage: &stage,
-        lens,
-        renderer,
-        points,
-        strands: Strands::new(hair, diameters, frames, pieces, *center),
-        skin: head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center)),
-        samples: effort.samples,
-    };
+    let mut view = View::new(gpu, &first, &stage, lens, effort.samples)?;
     let mut images: Vec<Image> = Vec::new();
     for &map in effort.maps {
         let colours = effort.pictures.iter().filter(|picture| picture.1 == map);
@@ -280,7 +288,7 @@ fn fit_lights(
 }
 
 /// Light from a map, as a frame, the tracer and rays through real strands have it.
-fn light<'a>(
+pub(super) fn light<'a>(
     view: &View,
     scene: &Scene,
     environment: &'a Environment,
@@ -307,7 +315,7 @@ fn light<'a>(
     });
     let Some(exact_reach) = exact_reach else { bail!("cancelled") };
     Ok(Lit {
-        map: Light::map(environment, 0.0, 1.0)?,
+        map: Light::map(environment, scene.environment.rotation_deg.to_radians(), 1.0)?,
         fitted: Light::lobes(&place_lights(&fit.lights, scene))?,
         exact: hair.clone().with_reach(exact_reach),
         hair,
@@ -324,8 +332,12 @@ fn picture(
 ) -> Result<(Image, Picture)> {
     let &Context { methods, effort, tables, clock } = context;
     let resolved = fibre.resolve();
+    let even = Fibres::new(fibre, None);
+    let of_model = |model| FibreSpec { model, ..fibre.clone() };
     let truth_of = |view: &View, bcsdf| {
-        let asked = Asked { fibre, bcsdf, light: &lit.map, max_depth: u32::MAX, seed: 0 };
+        let spec = of_model(bcsdf);
+        let models = &Models::new(&spec, &even);
+        let asked = Asked { models, light: &lit.map, max_depth: u32::MAX, seed: 0 };
         clock.watch("truth", |progress| view.truth(&asked, effort.truth_samples, progress))
     };
     let mut truths = BTreeMap::new();
@@ -337,13 +349,9 @@ fn picture(
     let truth = |method: &Method| &truths[&method.exact];
 
     // Path tracing of another seed, judged on its way.
-    let asked = Asked {
-        fibre,
-        bcsdf: methods[0].exact,
-        light: &lit.map,
-        max_depth: u32::MAX,
-        seed: OTHER_SEED,
-    };
+    let spec = of_model(methods[0].exact);
+    let models = &Models::new(&spec, &even);
+    let asked = Asked { models, light: &lit.map, max_depth: u32::MAX, seed: OTHER_SEED };
     let (mut film, mut ms, mut traced) = (Film::new(view.lens.size), 0.0, Vec::new());
     for &samples in effort.traced {
         let begun = Instant::now();
@@ -409,11 +417,15 @@ fn picture(
             let model = match of_models.entry(method.exact) {
                 Entry::Occupied(there) => there.into_mut(),
                 Entry::Vacant(place) => {
-                    place.insert(OfModel::new(view, method.exact, fibre, lit, effort, clock)?)
+                    let spec = of_model(method.exact);
+                    let models = Models::new(&spec, &even);
+                    let exact = exact_single(method.exact, &resolved);
+                    let samples = effort.truth_samples;
+                    place.insert(OfModel::new(view, &models, exact, lit, samples, clock)?)
                 }
             };
             let subject = causes::Subject {
-                method,
+                method: method.label(),
                 data: &data[k],
                 field: fields[k],
                 lit,

@@ -6,6 +6,7 @@
 //! slows all alike, and ratios are taken within a round. A method is a row of [`METHODS`].
 
 pub mod causes;
+pub mod here;
 pub mod images;
 pub mod integrals;
 pub mod method;
@@ -165,7 +166,7 @@ pub struct Context<'a> {
     pub methods: &'a [Method],
     pub effort: &'a Effort,
     pub tables: &'a Tables,
-    pub clock: &'a Clock,
+    pub clock: &'a Clock<'a>,
 }
 
 /// Measures `methods`, of which the [`method::BASELINE`]th is what others are compared with.
