@@ -17,10 +17,10 @@ use tempfile::tempdir;
 
 use crate::frames::capture;
 
-type Window = Harness<'static, Option<Editor>>;
+pub type Window = Harness<'static, Option<Editor>>;
 
 /// A small bob, quickly seen.
-fn small() -> Scene {
+pub fn small() -> Scene {
     let mut scene = Scene::default();
     scene.hair.strands = 1000;
     scene.environment.lights = Some(4);
@@ -30,7 +30,7 @@ fn small() -> Scene {
     scene
 }
 
-fn window(document: Document) -> Window {
+pub fn window(document: Document) -> Window {
     let app = move |ui: &mut egui::Ui, state: &mut Option<Editor>| {
         state.get_or_insert_with(|| Editor::new(document.clone(), ui.ctx())).ui(ui);
     };
@@ -39,12 +39,12 @@ fn window(document: Document) -> Window {
     window
 }
 
-fn editor(window: &Window) -> &Editor {
+pub fn editor(window: &Window) -> &Editor {
     window.state().as_ref().expect("an editor")
 }
 
 /// Goes on until the picture is whole.
-fn seen(window: &mut Window) {
+pub fn seen(window: &mut Window) {
     let begun = Instant::now();
     // Clicks take some frames to be one.
     window.run_steps(4);
@@ -91,13 +91,13 @@ fn drag(window: &mut Window, places: &[Pos2]) {
     window.step();
 }
 
-fn key(window: &mut Window, modifiers: Modifiers, key: Key) {
+pub fn key(window: &mut Window, modifiers: Modifiers, key: Key) {
     window.key_press_modifiers(modifiers, key);
     window.step();
 }
 
 /// Writes what the window looks like, for the eye.
-fn look(window: &mut Window, name: &str) {
+pub fn look(window: &mut Window, name: &str) {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("editor");
     std::fs::create_dir_all(&folder).unwrap();
     window.render().unwrap().save(folder.join(name)).unwrap();

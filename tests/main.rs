@@ -15,6 +15,7 @@ mod hard_cases;
 mod measure;
 mod nodes;
 mod paint;
+mod parameters;
 mod probe;
 mod quality;
 mod reference_cli;

@@ -76,6 +76,7 @@ pub struct Editor {
     message: Option<(String, bool)>,
     notes: Vec<String>,
     files: Files,
+    fibre: fibre::FibreSection,
     shortcuts: bool,
     turning: Option<Instant>,
     /// The light's or the brush's drag under way.
@@ -113,6 +114,7 @@ impl Editor {
             message: None,
             notes: Vec::new(),
             files: Files::default(),
+            fibre: fibre::FibreSection::default(),
             shortcuts: false,
             turning: None,
             drag: None,

@@ -11,7 +11,12 @@ mod app;
 mod brush;
 mod document;
 mod fields;
+mod hints;
 mod history;
+mod later;
+mod lobe_plot;
+pub mod lobes;
+mod thumbnails;
 mod viewport;
 
 use anyhow::{Result, anyhow};
