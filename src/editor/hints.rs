@@ -1,5 +1,7 @@
 //! What a parameter of the fibre does, in small pictures: at its least, as it is, at its most.
 
+use std::time::Duration;
+
 use eframe::egui::{Rect, Sense, Stroke, Ui, Vec2};
 
 use super::fields::{assembly_color, swatch};
@@ -46,7 +48,7 @@ impl Hints {
         let lobes = match view {
             View::Along(_) | View::Across => {
                 let render = scene.render.clone();
-                let made = self.lobes.get(ui.ctx(), &of, move |_| {
+                let made = self.lobes.get(ui.ctx(), &of, Duration::ZERO, move |_| {
                     let subject = |fibre| Subject { fibre, render: render.clone(), theta_i: 0.0 };
                     fibres.into_iter().map(|fibre| Lobes::exact(&subject(fibre))).collect()
                 });

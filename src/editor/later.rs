@@ -1,6 +1,7 @@
 //! What takes time, made on a thread.
 
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
 
 use eframe::egui;
 
@@ -18,20 +19,17 @@ impl<K, T> Default for Later<K, T> {
 
 impl<K: Clone + PartialEq + Send + 'static, T: Send + 'static> Later<K, T> {
     /// What was made last, and whether it is of `key`; if it is not, that is being made, one at a time, and the window
-    /// is woken.
+    /// is woken. What takes no longer than `patience` is waited for.
     pub fn get(
         &mut self,
         ctx: &egui::Context,
         key: &K,
+        patience: Duration,
         make: impl FnOnce(&K) -> T + Send + 'static,
     ) -> Option<(&T, bool)> {
-        match self.making.as_ref().map(Receiver::try_recv) {
-            Some(Ok(made)) => (self.made, self.making) = (Some(made), None),
-            Some(Err(TryRecvError::Disconnected)) => self.making = None,
-            Some(Err(TryRecvError::Empty)) | None => {}
-        }
-        let newest = self.made.as_ref().is_some_and(|(of, _)| of == key);
-        if !newest && self.making.is_none() {
+        self.take(Duration::ZERO);
+        let is_newest = |made: &(K, T)| made.0 == *key;
+        if !self.made.as_ref().is_some_and(is_newest) && self.making.is_none() {
             let (sender, receiver) = channel();
             let (key, ctx) = (key.clone(), ctx.clone());
             std::thread::spawn(move || {
@@ -41,7 +39,16 @@ impl<K: Clone + PartialEq + Send + 'static, T: Send + 'static> Later<K, T> {
                 ctx.request_repaint();
             });
             self.making = Some(receiver);
+            self.take(patience);
         }
-        self.made.as_ref().map(|(_, it)| (it, newest))
+        self.made.as_ref().map(|made| (&made.1, is_newest(made)))
+    }
+
+    fn take(&mut self, patience: Duration) {
+        match self.making.as_ref().map(|making| making.recv_timeout(patience)) {
+            Some(Ok(made)) => (self.made, self.making) = (Some(made), None),
+            Some(Err(RecvTimeoutError::Disconnected)) => self.making = None,
+            Some(Err(RecvTimeoutError::Timeout)) | None => {}
+        }
     }
 }

@@ -3,6 +3,7 @@
 //! Radii and heights are square roots, since TT may be a hundred times as bright as R.
 
 use std::f64::consts::PI;
+use std::time::Duration;
 
 use eframe::egui::{
     self, Align2, Color32, FontId, Painter, Rect, RichText, Role, Sense, Shape, Slider, Stroke, Ui,
@@ -22,31 +23,13 @@ const FILLED: f32 = 0.94;
 pub struct LobePlot {
     /// Inclination of the light.
     theta_i_deg: f64,
-    made: Later<Subject, Made>,
-}
-
-struct Made {
-    exact: Lobes,
+    exact: Later<Subject, Lobes>,
     /// Or why there are none.
-    shaded: Result<Lobes, String>,
-    /// See [`Lobes::apart`].
-    apart: [Option<f64>; 4],
+    shaded: Later<Subject, Result<Lobes, String>>,
 }
 
-impl Made {
-    fn new(subject: &Subject) -> Self {
-        let exact = Lobes::exact(subject);
-        let shaded = Lobes::shaded(subject).map_err(|error| format!("{error:#}"));
-        let apart = shaded.as_ref().map_or([None; 4], |shaded| shaded.apart(&exact));
-        Self { exact, shaded, apart }
-    }
-
-    /// What its curves differ by, lobe by lobe.
-    fn differences(&self) -> impl Iterator<Item = (usize, String)> {
-        let apart = self.apart.iter().enumerate();
-        apart.filter_map(|(p, off)| Some((p, format!("{} {:.2} %", NAMES[p], 100.0 * (*off)?))))
-    }
-}
+/// What is looked up takes a millisecond where η is known: so long it is waited for, that it follows a drag.
+const PATIENCE: Duration = Duration::from_millis(6);
 
 impl LobePlot {
     pub fn show(&mut self, ui: &mut Ui, scene: &Scene) {
@@ -60,7 +43,11 @@ impl LobePlot {
         let theta_i = self.theta_i_deg.to_radians();
         let (fibre, render) = (scene.fibre.clone(), scene.render.clone());
         let subject = Subject { fibre, render, theta_i };
-        let made = self.made.get(ui.ctx(), &subject, Made::new);
+        let look_up = |of: &Subject| Lobes::shaded(of).map_err(|error| format!("{error:#}"));
+        let shaded = self.shaded.get(ui.ctx(), &subject, PATIENCE, look_up);
+        // One that is not of this fibre is not shown.
+        let exact = self.exact.get(ui.ctx(), &subject, Duration::ZERO, Lobes::exact);
+        let exact = exact.filter(|(_, newest)| *newest).map(|(exact, _)| exact);
 
         const GAP: f32 = 10.0;
         let side = 0.5 * (ui.available_width() - GAP);
@@ -82,29 +69,45 @@ impl LobePlot {
              curves, the greater of the two."
         );
         let mut painter = ui.painter_at(rect);
-        let mut name = "Lobes, being computed".to_owned();
-        if let Some((made, newest)) = made {
-            // What was before is never taken for what is.
-            painter.set_opacity(if newest { 1.0 } else { 0.25 });
-            curves(ui, &painter, [left, right], made);
-            if newest {
-                let all: Vec<String> = made.differences().map(|(_, text)| text).collect();
-                name = format!("Lobes, off the exact ones by {}", all.join(", "));
+        let mut differences = Vec::new();
+        let now = shaded.and_then(|(of, newest)| of.as_ref().ok().filter(|_| newest));
+        let before = shaded.and_then(|(of, _)| of.as_ref().ok());
+        let rims = now.or(exact).or(before).map_or([1.0; 2], Lobes::most);
+        if let Some(exact) = exact {
+            let strong = ui.visuals().strong_text_color();
+            curves(&painter, [left, right], rims, exact, &|_| Stroke::new(1.0, strong));
+        }
+        if let Some(shaded) = before {
+            // Of the fibre that was, until this one's are there.
+            painter.set_opacity(if now.is_some() { 1.0 } else { 0.25 });
+            let stroke = |p| Stroke::new(2.5, color(ui, p).gamma_multiply(0.75));
+            curves(&painter, [left, right], rims, shaded, &stroke);
+            if let Some(exact) = exact.filter(|_| now.is_some()) {
+                let apart = shaded.apart(exact).into_iter().enumerate();
+                let text = |(p, off): (usize, Option<f64>)| {
+                    Some((p, format!("{} {:.2} %", NAMES[p], 100.0 * off?)))
+                };
+                differences = apart.filter_map(text).collect();
             }
         }
+        let name = match &differences[..] {
+            [] => "Lobes, being computed".to_owned(),
+            some => {
+                let all: Vec<&str> = some.iter().map(|(_, text)| text.as_str()).collect();
+                format!("Lobes, off the exact ones by {}", all.join(", "))
+            }
+        };
         response.widget_info(|| egui::WidgetInfo::labeled(Role::Image, true, &name));
         response.on_hover_text(help);
-        ui.horizontal_wrapped(|ui| match made {
-            Some((made, true)) => {
-                for (p, text) in made.differences() {
-                    ui.label(RichText::new(text).color(color(ui, p)));
-                }
-                match &made.shaded {
-                    Ok(_) => ui.weak("off, relative L2"),
-                    Err(line) => ui.weak(line),
-                };
+        ui.horizontal_wrapped(|ui| {
+            for (p, text) in &differences {
+                ui.label(RichText::new(text).color(color(ui, *p)));
             }
-            _ => _ = ui.weak("…"),
+            match shaded {
+                Some((Err(line), true)) => ui.weak(line),
+                _ if differences.is_empty() => ui.weak("…"),
+                _ => ui.weak("off, relative L2"),
+            };
         });
     }
 }
@@ -127,17 +130,16 @@ fn frames(ui: &Ui, left: Rect, right: Rect, theta_i: f64) {
     word(right.right_bottom(), Align2::RIGHT_TOP, "tip");
 }
 
-fn curves(ui: &Ui, painter: &Painter, [left, right]: [Rect; 2], made: &Made) {
-    let [across, along] = made.exact.most();
-    let strong = ui.visuals().strong_text_color();
-    let draw = |of: &Lobes, stroke: &dyn Fn(usize) -> Stroke| {
-        polar_lines(painter, left, &of.across, &Pen { stroke, rim: &|_| across });
-        along_lines(painter, right, &of.along, &Pen { stroke, rim: &|_| along });
-    };
-    draw(&made.exact, &|_| Stroke::new(1.0, strong));
-    if let Ok(of) = &made.shaded {
-        draw(of, &|p| Stroke::new(2.5, color(ui, p).gamma_multiply(0.75)));
-    }
+/// Across on the left, along on the right, of rims of their own.
+fn curves(
+    painter: &Painter,
+    [left, right]: [Rect; 2],
+    [across, along]: [f64; 2],
+    of: &Lobes,
+    stroke: &dyn Fn(usize) -> Stroke,
+) {
+    polar_lines(painter, left, &of.across, &Pen { stroke, rim: &|_| across });
+    along_lines(painter, right, &of.along, &Pen { stroke, rim: &|_| along });
 }
 
 /// How curves are drawn: the stroke of R, TT, TRT, longer paths and, at 4, their sum; and the value that reaches the
