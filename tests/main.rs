@@ -17,6 +17,7 @@ mod light;
 mod measure;
 mod nodes;
 mod paint;
+mod parameters;
 mod probe;
 mod quality;
 mod reference_cli;

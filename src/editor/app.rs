@@ -90,6 +90,7 @@ pub struct Editor {
     /// In place of the built-in ones.
     shaders: Option<Arc<Shaders>>,
     watch: Option<Watch>,
+    fibre: fibre::FibreSection,
     shortcuts: bool,
     turning: Option<Instant>,
     /// The light's or the brush's drag under way.
@@ -134,6 +135,7 @@ impl Editor {
             truth: Truth::default(),
             shaders: None,
             watch: None,
+            fibre: fibre::FibreSection::default(),
             shortcuts: false,
             turning: None,
             drag: None,

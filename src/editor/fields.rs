@@ -8,6 +8,14 @@ use crate::scene::{Alternative, FIELDS, Field, Kind, Pigment, Scene, Value};
 /// Shows a field with its name, and puts what the user makes of it into the scene. Fields that are stated another way
 /// now are not shown.
 pub fn field(ui: &mut Ui, key: &str, scene: &mut Scene) {
+    explained(ui, key, scene, &mut |_, _, _| {});
+}
+
+/// What is shown beneath a field's help: of its key, in a scene.
+pub type Explain<'a> = &'a mut dyn FnMut(&mut Ui, &str, &Scene);
+
+/// The same with more in its help.
+pub fn explained(ui: &mut Ui, key: &str, scene: &mut Scene, explain: Explain) {
     let Some(field) = FIELDS.iter().find(|field| field.key == key) else {
         debug_assert!(false, "no field {key}");
         return;
@@ -16,7 +24,13 @@ pub fn field(ui: &mut Ui, key: &str, scene: &mut Scene) {
     let mut next = None;
     ui.horizontal(|ui| {
         let name = name(field);
-        let label = ui.label(&name).on_hover_text(help(field));
+        let mut helped = |response: egui::Response| {
+            response.on_hover_ui(|ui| {
+                ui.label(help(field));
+                explain(ui, key, scene);
+            })
+        };
+        let label = helped(ui.label(&name));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let default = field.get(&Scene::default());
             if default.as_ref().is_some_and(|default| *default != value) {
@@ -27,7 +41,7 @@ pub fn field(ui: &mut Ui, key: &str, scene: &mut Scene) {
                 }
             }
             let response = widget(ui, field, &value, &mut next);
-            response.labelled_by(label.id).on_hover_text(help(field));
+            helped(response.labelled_by(label.id));
         });
     });
     if let Some(next) = next {
@@ -235,7 +249,7 @@ fn source(
 }
 
 /// The ways in which one thing can be stated, to choose from; and the fields of the one that holds.
-pub fn alternatives(ui: &mut Ui, of: &str, label: &str, scene: &mut Scene) {
+pub fn alternatives(ui: &mut Ui, of: &str, label: &str, scene: &mut Scene, explain: Explain) {
     let ways = || {
         let mut ways: Vec<&'static str> = Vec::new();
         let stated = FIELDS.iter().filter_map(|f| f.alternative).filter(|a| a.of == of);
@@ -259,7 +273,7 @@ pub fn alternatives(ui: &mut Ui, of: &str, label: &str, scene: &mut Scene) {
         }
     });
     if let Some(way) = ways().into_iter().find(|way| of_way(way).all(|f| f.get(scene).is_some())) {
-        of_way(way).for_each(|f| field(ui, f.key, scene));
+        of_way(way).for_each(|f| explained(ui, f.key, scene, explain));
     }
 }
 

@@ -9,6 +9,8 @@
 //! - `shader_watch`: shaders that are read again when they change.
 //! - `speed_plot`: speed against error, of the view that is shown.
 //! - `fields`: the widgets of the scene's table of fields; nothing here names a range.
+//! - `lobes`, `lobe_plot`: a fibre's lobes as curves, drawn; `hints`: what a field does, in small pictures of them.
+//! - `thumbnails`: presets as pictures; `later`: what takes time, made on a thread.
 //! - `desktop`: the desktop's own dialogs.
 //! - `app`: what holds them together: a frame of the interface, its sections a file each.
 
@@ -17,11 +19,16 @@ mod brush;
 mod desktop;
 mod document;
 mod fields;
+mod hints;
 mod history;
+mod later;
 mod light_view;
+mod lobe_plot;
+pub mod lobes;
 mod maps;
 mod shader_watch;
 mod speed_plot;
+mod thumbnails;
 mod viewport;
 
 use std::path::PathBuf;

@@ -320,6 +320,9 @@ pub fn eccentric_eta(eta: f64, eccentricity: f64) -> (f64, f64) {
     (0.5 * (eta_1 + eta_2), 0.5 * (eta_1 - eta_2))
 }
 
+/// φ_h by which the mean over a fibre's turn is taken: exact for the first seven harmonics of 2φ_h.
+pub const TURNS: [f64; 4] = [0.0625 * PI, 0.1875 * PI, 0.3125 * PI, 0.4375 * PI];
+
 /// The range of η̄* that an eccentric fibre's fits are sampled over.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitLayers {

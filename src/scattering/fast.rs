@@ -21,7 +21,7 @@ use std::sync::OnceLock;
 
 use super::{
     azimuth_table::{AzimuthTable, Mode, deficit, joined, transmitted, transmitted_rest},
-    azimuthal::{FitLayers, eccentric_eta},
+    azimuthal::{FitLayers, TURNS, eccentric_eta},
     fibre::Fibre,
     gaussian::{concentration, g_circular, g_circular_integral},
     longitudinal::COMPENSATION_MAX,
@@ -83,16 +83,40 @@ impl<'a> Fast<'a> {
             self.outer(theta_o, theta_j, lambda_j, mode, |theta_i, cos_path| {
                 let kappa = sharpness * (theta_i.cos() * theta_j.cos()).max(0.0);
                 let light = g_circular(theta_i - theta_j, sharpness) * g_circular_integral(kappa);
-                let mut eta = self.fibre.eta;
-                if mode == Mode::Trt {
-                    // η̄* of Eq 24–26, ⟨cos φ′⟩ = 1 − deficit.
-                    let (mean, half) = eccentric_eta(eta, self.fibre.eccentricity);
-                    eta = (mean + half * (1.0 - deficit(kappa)) * cos_sum).max(1.0);
-                }
+                // η̄* of Eq 24–26, ⟨cos φ′⟩ = 1 − deficit.
+                let eta = self.eta_star(mode, (1.0 - deficit(kappa)) * cos_sum);
                 let width = joined(deficit(kappa), blur);
                 let weights = self.tables.azimuth.azimuth(mode, eta, cos_path, phi, width);
                 self.with_rest(weights, mode, eta, cos_path).map(|p| light * p)
             })
+        })
+    }
+
+    /// N_t(φ) on the specular cone of `theta`, per radian: what is looked up for a light of no width. `cos_sum` as in
+    /// [`Self::single_scattering`].
+    pub fn azimuthal(&self, theta: f64, phi: f64, cos_sum: f64) -> Modes {
+        let cos_path = theta.cos().max(0.0);
+        self.modes(|mode| {
+            let eta = self.eta_star(mode, cos_sum);
+            let width = self.model.blur_of(&self.fibre, mode);
+            let weights = self.tables.azimuth.azimuth(mode, eta, cos_path, phi, width);
+            self.with_rest(weights, mode, eta, cos_path)
+        })
+    }
+
+    /// ∫S_t cosθ_i dφ, energy compensation included, per radian of θ_i: what of light at θ_i goes to θ_o, whatever its
+    /// azimuth. Of an eccentric fibre the mean over its turn.
+    pub fn longitudinal(&self, theta_i: f64, theta_o: f64) -> Modes {
+        let [r, tt, trt] = self.energy_compensation(theta_o);
+        self.modes(|mode| {
+            let cos_path = self.model.cos_path(theta_i, theta_o);
+            let energies = TURNS.map(|phi_h| {
+                self.energy_at(mode, self.eta_star(mode, (2.0 * phi_h).cos()), cos_path)
+            });
+            let compensation = [r, tt, trt, 1.0][mode as usize];
+            let along = self.model.longitudinal(&self.fibre, mode, theta_i, theta_o);
+            let mean = |c: usize| 0.25 * energies.iter().map(|energy| energy[c]).sum::<f64>();
+            [0, 1, 2].map(|c| compensation * along * mean(c))
         })
     }
 
@@ -122,7 +146,11 @@ impl<'a> Fast<'a> {
 
     /// E_t of a round fibre, RGB; TRRT's with all longer paths.
     fn energy(&self, mode: Mode, cos_path: f64) -> [f64; 3] {
-        let eta = self.fibre.eta;
+        self.energy_at(mode, self.fibre.eta, cos_path)
+    }
+
+    /// The same at an η of the mode's own.
+    fn energy_at(&self, mode: Mode, eta: f64, cos_path: f64) -> [f64; 3] {
         let weights = self.tables.azimuth.energy(mode, eta, cos_path);
         [0, 1, 2].map(|c| {
             let own = transmitted(weights, mode, eta, cos_path, self.fibre.sigma_a[c]);
@@ -147,12 +175,20 @@ impl<'a> Fast<'a> {
         most
     }
 
-    /// η, or of an eccentric fibre's TRT the mean of η*(φ_h).
-    fn mean_eta(&self, mode: Mode) -> f64 {
+    /// η, or of an eccentric fibre's TRT η* where cos 2φ_h is `cos` (Eq 24).
+    fn eta_star(&self, mode: Mode, cos: f64) -> f64 {
         match mode {
-            Mode::Trt => eccentric_eta(self.fibre.eta, self.fibre.eccentricity).0.max(1.0),
+            Mode::Trt => {
+                let (mean, half) = eccentric_eta(self.fibre.eta, self.fibre.eccentricity);
+                (mean + half * cos).max(1.0)
+            }
             _ => self.fibre.eta,
         }
+    }
+
+    /// η, or of an eccentric fibre's TRT the mean of η*(φ_h).
+    fn mean_eta(&self, mode: Mode) -> f64 {
+        self.eta_star(mode, 0.0)
     }
 
     /// E of all paths longer than TRRT.

@@ -17,16 +17,19 @@
 //! - A mode whose product with the light has an amplitude below [`AMPLITUDE_MIN`] is left out: less
 //!   than that share of what the same light gives at the mode's centre.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::{
-    azimuthal::{Energy, FitTable, Fitter, eccentric_eta, r_coefficients},
+    azimuthal::{ClearEnergies, Energy, FitTable, Fitter, TURNS, eccentric_eta, r_coefficients},
     dual::{AverageTable, Averages},
     fibre::Fibre,
-    gaussian::{Product, concentration, g_circular_integral, g_circular_product, product},
+    gaussian::{
+        Product, concentration, g_circular, g_circular_integral, g_circular_product, product,
+    },
     global::{GlobalAzimuth, GlobalTable},
     longitudinal::{
-        SPREAD_MAX, linear_quadrature, longitudinal_bandwidth, projection, spread_normaliser,
+        SPREAD_MAX, energy_compensation, linear_quadrature, longitudinal as gaussian,
+        longitudinal_bandwidth, projection, spread_normaliser,
     },
     quadrature::GaussLegendre,
     tables::{Tables, circular_moments},
@@ -52,6 +55,54 @@ pub struct Modes {
     pub trt: [f64; 3],
     /// TRRT and all longer paths, of fibres that have them.
     pub longer: [f64; 3],
+}
+
+/// N_t(φ) of the fits on the specular cone of `theta`, per radian: what the method takes for a light of no width.
+pub fn azimuthal(fibre: &Fibre, energy: Energy, theta: f64, phi: f64, cos_sum: f64) -> Modes {
+    let fitter = Fitter::new(fibre, energy);
+    let cos = (0.5 * phi).cos().abs();
+    let powers = [0, 1, 2, 3, 4, 5, 6].map(|k| cos.powi(k));
+    let (mean, half) = eccentric_eta(fibre.eta, fibre.eccentricity);
+    Modes {
+        r: [dot(&r_coefficients(fibre.eta, theta), &powers).max(0.0); 3],
+        tt: fitter.fit(fibre.eta, theta).tt(phi, g_circular),
+        trt: fitter.fit((mean + half * cos_sum).max(1.0), theta).trt(phi, g_circular),
+        longer: [0.0; 3],
+    }
+}
+
+/// ∫S_t cosθ_i dφ of the fits, energy compensation included, per radian of θ_i: what of light at θ_i goes to θ_o,
+/// whatever its azimuth. Of an eccentric fibre the mean over its turn. `clear` is of the fibre's η.
+pub fn longitudinal(
+    fibre: &Fibre,
+    segments: u32,
+    energy: Energy,
+    clear: &ClearEnergies,
+    [theta_i, theta_o]: [f64; 2],
+) -> Modes {
+    let theta_d = 0.5 * (theta_o - theta_i);
+    let fitter = Fitter::new(fibre, energy);
+    let whole = |_: f64, kappa: f64| g_circular_integral(kappa);
+    let even = circular_moments(&GaussLegendre::new(24), 0.0, 0.0).cosines;
+    let r = TAU * dot(&r_coefficients(fibre.eta, theta_d), &even);
+    let (mean, half) = eccentric_eta(fibre.eta, fibre.eccentricity);
+    let trt = TURNS.map(|phi_h| {
+        let eta = (mean + half * (2.0 * phi_h).cos()).max(1.0);
+        fitter.fit(eta, theta_d).trt(0.0, whole)
+    });
+    let trt = [0, 1, 2].map(|c| 0.25 * trt.iter().map(|x| x[c]).sum::<f64>());
+    let along = |t: usize, energy: [f64; 3]| {
+        let (alpha, beta) = (fibre.alpha[t], fibre.beta[t]);
+        let m = gaussian(theta_i, theta_o, alpha, beta) * projection(theta_i, theta_o);
+        let c = energy_compensation(segments, theta_o, alpha, beta, |theta| clear.at(theta)[t]);
+        energy.map(|e| c * m * e)
+    };
+    Modes {
+        r: along(0, [r; 3]),
+        tt: along(1, fitter.fit(fibre.eta, theta_d).tt(0.0, whole)),
+        trt: along(2, trt),
+        longer: [0.0; 3],
+    }
 }
 
 /// The method for one fibre, evaluated without tables.

@@ -1,30 +1,47 @@
-//! The fibre's section of the scene panel: colour, lobes, shape.
+//! The fibre's section of the scene panel: presets, colour, lobes, shape.
 
 use eframe::egui::{self, Ui, Vec2};
 
 use super::Editor;
-use crate::editor::fields::{self, field};
-use crate::scene::PRESETS;
+use crate::editor::fields;
+use crate::editor::hints::Hints;
+use crate::editor::lobe_plot::LobePlot;
+use crate::editor::thumbnails::Thumbnails;
+use crate::scene::Scene;
+
+/// What the section keeps from frame to frame.
+#[derive(Default)]
+pub(super) struct FibreSection {
+    thumbnails: Thumbnails,
+    hints: Hints,
+    lobes: LobePlot,
+}
 
 impl Editor {
     pub(super) fn fibre_section(&mut self, ui: &mut Ui) {
-        let scene = &mut self.document.scene;
+        let idle = self.finished();
+        let (scene, own) = (&mut self.document.scene, &mut self.fibre);
         egui::CollapsingHeader::new("Fibre").default_open(true).show(ui, |ui| {
-            ui.horizontal_wrapped(|ui| {
-                for preset in PRESETS {
-                    let chosen = scene.fibre.preset == preset.name;
-                    if ui.selectable_label(chosen, preset.name).clicked() {
-                        scene.fibre.set_preset(preset);
-                    }
-                }
-            });
+            // The picture comes first.
+            if idle {
+                own.thumbnails.listen(ui.ctx(), &scene.render.adapter);
+            }
+            if let Some(preset) = own.thumbnails.buttons(ui, &scene.fibre.preset) {
+                scene.fibre.set_preset(preset);
+            }
+            let hints = &mut own.hints;
+            let mut explain = |ui: &mut Ui, key: &str, scene: &Scene| hints.show(ui, key, scene);
             let whole = fields::assembly_color(scene.fibre.pigment.sigma_a());
             ui.horizontal(|ui| {
                 let (rect, _) = ui.allocate_exact_size(Vec2::new(40.0, 16.0), egui::Sense::hover());
                 ui.painter().rect_filled(rect, 3.0, fields::swatch(whole));
                 ui.weak("of the hair as a whole");
             });
-            fields::alternatives(ui, "the colour of the fibre", "Colour by", scene);
+            let (of, label) = ("the colour of the fibre", "Colour by");
+            fields::alternatives(ui, of, label, scene, &mut explain);
+            egui::CollapsingHeader::new("Lobes").default_open(true).show(ui, |ui| {
+                own.lobes.show(ui, scene);
+            });
             for key in [
                 "fibre.beta_r_deg",
                 "fibre.beta_tt_deg",
@@ -38,7 +55,7 @@ impl Editor {
                 "fibre.diameter",
                 "fibre.model",
             ] {
-                field(ui, key, scene);
+                fields::explained(ui, key, scene, &mut explain);
             }
         });
     }
