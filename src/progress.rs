@@ -9,26 +9,28 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 /// How a command reports.
 #[derive(Clone, Copy)]
-pub struct Reporting {
+pub struct Reporting<'a> {
     /// No progress and no notes on stderr.
     pub quiet: bool,
     /// Set to stop; the command then fails with "cancelled" and leaves no file half written.
-    pub cancelled: &'static AtomicBool,
+    pub cancelled: &'a AtomicBool,
+    /// Told what is being done, and the share done.
+    pub told: Option<&'a (dyn Fn(&'static str, f32) + Sync)>,
 }
 
 /// Wall times of a command's steps, progress and notes.
-pub struct Clock {
-    reporting: Reporting,
+pub struct Clock<'a> {
+    reporting: Reporting<'a>,
     begun: Instant,
     last: Instant,
     /// Milliseconds.
     pub steps: BTreeMap<&'static str, f64>,
 }
 
-impl Clock {
-    pub fn new(reporting: Reporting) -> Clock {
+impl<'a> Clock<'a> {
+    pub fn new(reporting: Reporting<'a>) -> Self {
         let now = Instant::now();
-        Clock { reporting, begun: now, last: now, steps: BTreeMap::new() }
+        Self { reporting, begun: now, last: now, steps: BTreeMap::new() }
     }
 
     pub fn cancelled(&self) -> bool {
@@ -64,6 +66,9 @@ impl Clock {
         let bar = self.bar(what);
         let result = work(&|done| {
             bar.set_position((f64::from(done) * 1000.0) as u64);
+            if let Some(told) = self.reporting.told {
+                told(what, done);
+            }
             !self.cancelled()
         });
         bar.finish_and_clear();

@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use glam::{DMat3, Vec3};
 
 use crate::environment::{self, Environment};
@@ -86,6 +86,20 @@ impl Geometry {
         Ok(Fibres::new(&scene.fibre, self.paint(scene)?.as_ref()))
     }
 
+    /// The same with `paint` in place of what the scene names, if there is any.
+    ///
+    /// # Errors
+    /// One line: it is of other hair; or those of [`Self::paint`].
+    pub fn fibres_under(&self, paint: Option<&Paint>, scene: &Scene) -> Result<Fibres> {
+        match paint {
+            Some(paint) if paint.points() != self.hair.points.len() => {
+                bail!("the paint is of other hair: it comes back with it")
+            }
+            Some(paint) => Ok(Fibres::new(&scene.fibre, Some(paint))),
+            None => self.fibres(scene),
+        }
+    }
+
     /// The scene's camera, in the world.
     pub fn camera(&self, scene: &Scene) -> Result<Camera> {
         let [width, height] = scene.output.size.map(f64::from);
@@ -126,7 +140,8 @@ impl Geometry {
     }
 }
 
-fn load_hair(scene: &Scene) -> Result<LoadedHair> {
+/// The strands that a scene names.
+pub fn load_hair(scene: &Scene) -> Result<LoadedHair> {
     let spec = &scene.hair;
     let groom = GroomOptions {
         strands: spec.strands as usize,

@@ -17,10 +17,10 @@ use tempfile::tempdir;
 
 use crate::frames::capture;
 
-type Window = Harness<'static, Option<Editor>>;
+pub type Window = Harness<'static, Option<Editor>>;
 
 /// A small bob, quickly seen.
-fn small() -> Scene {
+pub fn small() -> Scene {
     let mut scene = Scene::default();
     scene.hair.strands = 1000;
     scene.environment.lights = Some(4);
@@ -30,21 +30,26 @@ fn small() -> Scene {
     scene
 }
 
-fn window(document: Document) -> Window {
+pub fn window(document: Document) -> Window {
+    window_on(move |ctx| Editor::new(document.clone(), ctx))
+}
+
+/// A window on an editor, once its picture is whole.
+pub fn window_on(make: impl Fn(&egui::Context) -> Editor + 'static) -> Window {
     let app = move |ui: &mut egui::Ui, state: &mut Option<Editor>| {
-        state.get_or_insert_with(|| Editor::new(document.clone(), ui.ctx())).ui(ui);
+        state.get_or_insert_with(|| make(ui.ctx())).ui(ui);
     };
     let mut window = Harness::builder().with_size([860.0, 420.0]).build_ui_state(app, None);
     seen(&mut window);
     window
 }
 
-fn editor(window: &Window) -> &Editor {
+pub fn editor(window: &Window) -> &Editor {
     window.state().as_ref().expect("an editor")
 }
 
 /// Goes on until the picture is whole.
-fn seen(window: &mut Window) {
+pub fn seen(window: &mut Window) {
     let begun = Instant::now();
     // Clicks take some frames to be one.
     window.run_steps(4);
@@ -61,24 +66,24 @@ fn seen(window: &mut Window) {
     }
 }
 
-fn picture(window: &Window) -> Vec<u8> {
+pub fn picture(window: &Window) -> Vec<u8> {
     editor(window).picture().expect("a picture").rgba.clone()
 }
 
 /// The greatest difference between two pictures, and the share of bytes that differ by more than 2.
-fn apart(a: &[u8], b: &[u8]) -> (u8, f64) {
+pub fn apart(a: &[u8], b: &[u8]) -> (u8, f64) {
     assert_eq!(a.len(), b.len());
     let off = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
     let far = off().filter(|&d| d > 2).count();
     (off().max().unwrap_or(0), far as f64 / a.len() as f64)
 }
 
-fn middle(window: &Window) -> Pos2 {
+pub fn middle(window: &Window) -> Pos2 {
     window.get_by_label("Picture").rect().center()
 }
 
 /// Drags the pointer, pressed, over places.
-fn drag(window: &mut Window, places: &[Pos2]) {
+pub fn drag(window: &mut Window, places: &[Pos2]) {
     window.hover_at(places[0]);
     window.step();
     window.drag_at(places[0]);
@@ -91,13 +96,13 @@ fn drag(window: &mut Window, places: &[Pos2]) {
     window.step();
 }
 
-fn key(window: &mut Window, modifiers: Modifiers, key: Key) {
+pub fn key(window: &mut Window, modifiers: Modifiers, key: Key) {
     window.key_press_modifiers(modifiers, key);
     window.step();
 }
 
 /// Writes what the window looks like, for the eye.
-fn look(window: &mut Window, name: &str) {
+pub fn look(window: &mut Window, name: &str) {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("editor");
     std::fs::create_dir_all(&folder).unwrap();
     window.render().unwrap().save(folder.join(name)).unwrap();

@@ -5,6 +5,7 @@ mod bench;
 mod chi_square;
 mod cli;
 mod editor;
+mod editor_files;
 mod environment;
 mod fast;
 mod field;

@@ -5,6 +5,8 @@ mod files;
 mod light;
 mod panels;
 mod picture;
+mod still;
+mod unsaved;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -16,9 +18,11 @@ use super::document::Document;
 use super::history::{History, Step};
 use super::viewport::{self, Shown};
 use crate::live::{Said, Wish, Worker, same_paint};
-use crate::scene::Scene;
+use crate::scene::{HairSpec, Scene};
 use crate::stage::Geometry;
 use files::{Files, PromptKind};
+use still::Saving;
+use unsaved::Unsaved;
 
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
 const REDO: KeyboardShortcut =
@@ -26,10 +30,12 @@ const REDO: KeyboardShortcut =
 const SAVE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
 const SAVE_AS: KeyboardShortcut =
     KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
+const COPY: KeyboardShortcut =
+    KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::C);
 const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
 
 /// What keys and drags do, as `?` shows it.
-const SHORTCUTS: [(&str, &str); 17] = [
+const SHORTCUTS: [(&str, &str); 18] = [
     ("Drag", "View: turn the camera. Paint: paint"),
     ("Middle drag", "Turn the camera, whatever the tool"),
     ("Right drag, Shift + middle drag", "Move the camera"),
@@ -44,6 +50,7 @@ const SHORTCUTS: [(&str, &str); 17] = [
     ("Ctrl + Z, Ctrl + Shift + Z", "Undo, redo"),
     ("Ctrl + O", "Open a scene, hair, head or map"),
     ("Ctrl + S, Ctrl + Shift + S", "Save, save as"),
+    ("Ctrl + Shift + C", "Copy the picture"),
     ("Ctrl + plus, minus, 0", "Size of the interface"),
     ("Esc", "Give up a stroke, close a window"),
     ("?", "This list"),
@@ -62,8 +69,12 @@ pub struct Editor {
     pub brush: Brush,
     tool: Tool,
     worker: Worker,
+    /// For threads to wake.
+    waking: egui::Context,
     shown: Shown,
     stage: Option<Arc<Geometry>>,
+    /// The hair of that.
+    stage_of: HairSpec,
     /// The scene as the history has it.
     settled: Scene,
     asked: Option<(u64, Wish)>,
@@ -76,6 +87,8 @@ pub struct Editor {
     message: Option<(String, bool)>,
     notes: Vec<String>,
     files: Files,
+    unsaved: Unsaved,
+    saving: Option<Saving>,
     shortcuts: bool,
     turning: Option<Instant>,
     /// The light's or the brush's drag under way.
@@ -103,8 +116,10 @@ impl Editor {
             brush: Brush::default(),
             tool: Tool::View,
             worker: Worker::new(move || waking.request_repaint()),
+            waking: ctx.clone(),
             shown: Shown::default(),
             stage: None,
+            stage_of: HairSpec::default(),
             asked: None,
             shown_of: 0,
             stroke: None,
@@ -113,6 +128,8 @@ impl Editor {
             message: None,
             notes: Vec::new(),
             files: Files::default(),
+            unsaved: Unsaved::default(),
+            saving: None,
             shortcuts: false,
             turning: None,
             drag: None,
@@ -137,6 +154,7 @@ impl Editor {
         self.dropped(ui.ctx());
         self.turn(ui.ctx());
         self.settle(ui.ctx());
+        self.keep(ui.ctx());
     }
 
     /// Whether the last picture is all that there will be of what is asked.
@@ -160,6 +178,7 @@ impl Editor {
     }
 
     fn listen(&mut self, ctx: &egui::Context) {
+        self.hear_saving();
         let newest = self.asked.as_ref().map_or(0, |(number, _)| *number);
         for (number, said) in self.worker.said().collect::<Vec<_>>() {
             match said {
@@ -174,8 +193,8 @@ impl Editor {
                     self.progress = Some((what, done))
                 }
                 Said::Progress(..) => {}
-                Said::Geometry(stage) => {
-                    self.stage = Some(stage);
+                Said::Geometry(of, stage) => {
+                    (self.stage, self.stage_of) = (Some(stage), of);
                     self.places = None;
                 }
                 Said::Note(line) => self.notes.push(line),
@@ -187,6 +206,11 @@ impl Editor {
                 }
             }
         }
+    }
+
+    /// The geometry, once it is that of the document's hair.
+    fn own_stage(&self) -> Option<&Arc<Geometry>> {
+        self.stage.as_ref().filter(|_| self.stage_of == *self.document.shape())
     }
 
     fn say(&mut self, line: impl Into<String>) {
@@ -250,7 +274,7 @@ impl Editor {
             return;
         }
         if self.document.paint.as_ref().is_some_and(|before| **before != *paint) {
-            self.document.paint = Some(paint);
+            self.document.put_paint(paint);
         }
         self.document.follow_hair();
         self.settled = self.document.scene.clone();
@@ -269,6 +293,9 @@ impl Editor {
         }
         if pressed(&SAVE) {
             self.save();
+        }
+        if pressed(&COPY) {
+            self.copy_picture(ctx);
         }
         if pressed(&OPEN) {
             self.ask_path(PromptKind::Open);
@@ -305,6 +332,9 @@ impl Editor {
         if key(Key::Escape) {
             self.give_up_stroke();
             self.shortcuts = false;
+            if !self.files.asking() {
+                self.unsaved.later();
+            }
             self.files.give_up();
         }
         if ctx.input(|i| i.events.iter().any(|e| matches!(e, egui::Event::Text(t) if t == "?"))) {

@@ -4,6 +4,8 @@
 //! - `history`: what was done, step by step, to be undone.
 //! - `brush`: from a place on the screen to paint on strands.
 //! - `viewport`: the picture, the camera and the brush over it.
+//! - `recent`: what was opened last.
+//! - `recovery`: unsaved work, kept for when a process dies.
 //! - `fields`: the widgets of the scene's table of fields; nothing here names a range.
 //! - `app`: what holds them together: a frame of the interface, its sections a file each.
 
@@ -12,15 +14,24 @@ mod brush;
 mod document;
 mod fields;
 mod history;
+mod recent;
+mod recovery;
 mod viewport;
+
+use std::time::Duration;
 
 use anyhow::{Result, anyhow};
 use eframe::egui;
+
+use crate::file::state_folder;
 
 pub use app::Editor;
 pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
 pub use document::Document;
 pub use history::{History, Step};
+
+/// Unsaved work is kept no more often.
+const KEPT_EVERY: Duration = Duration::from_secs(30);
 
 /// Opens the window on a document and comes back when it is closed.
 ///
@@ -36,6 +47,13 @@ pub fn run(document: Document) -> Result<()> {
             .with_drag_and_drop(true),
         ..Default::default()
     };
+    let editor = |ctx: &egui::Context| {
+        let editor = Editor::new(document, ctx);
+        match state_folder() {
+            Some(folder) => editor.keeping(&folder, KEPT_EVERY, ctx),
+            None => editor,
+        }
+    };
     struct Window(Editor);
     impl eframe::App for Window {
         fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
@@ -45,7 +63,7 @@ pub fn run(document: Document) -> Result<()> {
     let opened = eframe::run_native(
         "hairlight",
         options,
-        Box::new(|context| Ok(Box::new(Window(Editor::new(document, &context.egui_ctx))))),
+        Box::new(|context| Ok(Box::new(Window(editor(&context.egui_ctx))))),
     );
     opened.map_err(|error| {
         anyhow!(

@@ -13,7 +13,7 @@ mod worker;
 use std::sync::Arc;
 
 use crate::paint::Paint;
-use crate::scene::Scene;
+use crate::scene::{HairSpec, Scene};
 
 pub use session::Session;
 pub use worker::Worker;
@@ -67,10 +67,10 @@ pub enum Said {
     Picture(Picture),
     /// What is being done, and the share done.
     Progress(&'static str, f32),
-    /// Geometry that came to be, for who paints on it or asks its size.
-    Geometry(Arc<crate::stage::Geometry>),
+    /// Geometry that came to be, of this hair without its paint: for who paints on it or asks its size.
+    Geometry(HairSpec, Arc<crate::stage::Geometry>),
     /// What was assumed and mended.
     Note(String),
-    /// In one line, what is wrong with the wish; the last good stage stays.
+    /// In one line, what is wrong with the wish, or with the device; the last good stage stays.
     Failed(String),
 }

@@ -10,6 +10,7 @@ use super::{Picture, Said, Wish, same_paint};
 use crate::capture::{background, parts};
 use crate::environment::{self, Loaded};
 use crate::field::Field;
+use crate::file::catch_panic;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Renderer};
 use crate::gpu::method::MethodData;
@@ -124,20 +125,38 @@ impl Session {
     /// # Errors
     /// One line, if the wish cannot be seen; what was made before stays.
     pub fn see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
-        let result = self.try_see(wish, go_on, say);
+        let mut seen = catch_panic(|| self.try_see(wish, go_on, say));
+        // A device that is gone panics in some places and is an error in others.
+        let lost = !matches!(seen, Ok(Ok(_))) && self.gpu().is_some_and(Gpu::lost);
+        if lost {
+            say(Said::Failed("the graphics device was lost: another one is opened".to_owned()));
+        }
+        if lost || seen.is_err() {
+            // All that was on it is made again.
+            self.gpu = None;
+            self.hurried = None;
+            seen = catch_panic(|| self.try_see(wish, go_on, say));
+        }
+        let result = seen.unwrap_or_else(|panic| {
+            let words = panic.downcast_ref::<String>().map(String::as_str).unwrap_or_default();
+            bail!(
+                "this is a fault of Hairlight; please report the scene: {}",
+                words.replace('\n', " ")
+            )
+        });
         match result {
             Err(_) if !go_on() => Ok(false),
             Err(error) => {
-                // A device that was lost is opened anew at the next wish.
-                if self.gpu.as_ref().is_some_and(|made| made.it.gpu.wait().is_err()) {
-                    self.gpu = None;
-                    self.body = None;
-                }
                 self.hurried = None;
                 Err(error)
             }
             done => done,
         }
+    }
+
+    /// The device that pictures are made on, once there is one.
+    pub fn gpu(&self) -> Option<&Gpu> {
+        Some(&self.gpu.as_ref()?.it.gpu)
     }
 
     fn try_see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
@@ -180,7 +199,7 @@ impl Session {
         };
         let renderer = Renderer::new(gpu, &method, &stage)?;
         self.gpu = Some(Made { from: adapter.clone(), it: renderer });
-        say(Said::Geometry(stage.clone()));
+        say(Said::Geometry(from.0.clone(), stage.clone()));
         self.body = Some(Made { from, it: Body { stage, medium, coarse } });
         self.lighting = None;
         self.method = None;
@@ -236,13 +255,7 @@ impl Session {
             return Ok(());
         }
         let Some(body) = &self.body else { bail!("no hair") };
-        let fibres = match paint {
-            Some(paint) if paint.points() != body.it.stage.hair.points.len() => {
-                bail!("the paint is of other hair: it comes back with it")
-            }
-            Some(paint) => Fibres::new(&scene.fibre, Some(paint)),
-            None => body.it.stage.fibres(scene)?,
-        };
+        let fibres = body.it.stage.fibres_under(paint.as_deref(), scene)?;
         let it = MethodData::new(scene.fibre.model, fibres, &scene.render)?;
         if let Some(renderer) = &mut self.gpu {
             renderer.it.set_method(&it);

@@ -114,7 +114,7 @@ pub struct Options {
     pub adapter: String,
     /// Shown beside the builtin bob.
     pub groom: Option<Groom>,
-    pub reporting: Reporting,
+    pub reporting: Reporting<'static>,
 }
 
 /// What ran it.
@@ -165,7 +165,7 @@ pub struct Context<'a> {
     pub methods: &'a [Method],
     pub effort: &'a Effort,
     pub tables: &'a Tables,
-    pub clock: &'a Clock,
+    pub clock: &'a Clock<'a>,
 }
 
 /// Measures `methods`, of which the [`method::BASELINE`]th is what others are compared with.
