@@ -10,6 +10,7 @@ use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
 use crate::image::write_frame;
 use crate::light::Medium;
+use crate::paint::Paint;
 use crate::progress::{Clock, Reporting};
 use crate::quality::{self, Costs, Facts, Settings, TRIAL_LIGHTS};
 use crate::reference::transmittance::RealStrands;
@@ -26,18 +27,20 @@ use crate::transport::Detail;
 const VERIFIED_PAIRS: usize = 4096;
 
 /// What is asked of a capture beside its scene.
-pub struct CaptureOptions {
+pub struct CaptureOptions<'a> {
+    /// What is painted, in place of what the scene names.
+    pub paint: Option<&'a Paint>,
     /// Measure transmittance against rays through the real strands.
     pub verify: bool,
-    pub reporting: Reporting,
+    pub reporting: Reporting<'a>,
 }
 
 /// Renders the scene's frame, or its turntable, and writes what its output asks for.
 pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let outputs = Outputs::new(scene)?;
-    let stage = Geometry::load(scene)?;
-    let fibres = stage.fibres(scene)?;
+    let stage = Geometry::load_under(options.paint, scene)?;
+    let fibres = stage.fibres_under(options.paint, scene)?;
     let method = MethodData::new(scene.fibre.model, fibres, &scene.render)?;
     let Geometry { hair, center, .. } = &stage;
     let center = *center;

@@ -4,7 +4,7 @@ use std::any::Any;
 use std::cell::Cell;
 use std::io::Write;
 use std::panic::{self, AssertUnwindSafe};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Once;
 
 use anyhow::{Context, Result};
@@ -32,6 +32,31 @@ pub fn write_whole(
         Ok(())
     };
     attempt().with_context(|| format!("{}: cannot be written", path.display()))
+}
+
+/// A folder that an environment variable names; None where it is not set or empty.
+pub fn folder_of(variable: &str) -> Option<PathBuf> {
+    std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from)
+}
+
+/// Hairlight's own among the user's folders of one kind: in what `variable` names, else in `at_home` of the home; None
+/// without a home.
+pub fn user_folder(variable: &str, at_home: &str) -> Option<PathBuf> {
+    let base = folder_of(variable).or_else(|| Some(std::env::home_dir()?.join(at_home)));
+    Some(base?.join("hairlight"))
+}
+
+/// Where what a user would miss is kept, but would not look for: `$XDG_STATE_HOME/hairlight` or
+/// `~/.local/state/hairlight`, on Windows in `%LOCALAPPDATA%`, on macOS in `~/Library/Application Support`.
+pub fn state_folder() -> Option<PathBuf> {
+    let (variable, at_home) = if cfg!(windows) {
+        ("LOCALAPPDATA", "AppData/Local")
+    } else if cfg!(target_os = "macos") {
+        ("XDG_STATE_HOME", "Library/Application Support")
+    } else {
+        ("XDG_STATE_HOME", ".local/state")
+    };
+    user_folder(variable, at_home)
 }
 
 thread_local! {

@@ -9,20 +9,18 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 /// How a command reports.
 #[derive(Clone, Copy)]
-pub struct Reporting {
+pub struct Reporting<'a> {
     /// No progress and no notes on stderr.
     pub quiet: bool,
     /// Set to stop; the command then fails with "cancelled" and leaves no file half written.
-    pub cancelled: &'static AtomicBool,
+    pub cancelled: &'a AtomicBool,
+    /// Told what is being done, and the share done.
+    pub told: Option<&'a (dyn Fn(&'static str, f32) + Sync)>,
 }
-
-/// Told what is done and which share of it; false cancels.
-pub type Told<'a> = &'a (dyn Fn(&'static str, f32) -> bool + Sync);
 
 /// Wall times of a command's steps, progress and notes.
 pub struct Clock<'a> {
-    reporting: Reporting,
-    told: Option<Told<'a>>,
+    reporting: Reporting<'a>,
     begun: Instant,
     last: Instant,
     /// Milliseconds.
@@ -30,16 +28,9 @@ pub struct Clock<'a> {
 }
 
 impl<'a> Clock<'a> {
-    pub fn new(reporting: Reporting) -> Clock<'a> {
+    pub fn new(reporting: Reporting<'a>) -> Self {
         let now = Instant::now();
-        Clock { reporting, told: None, begun: now, last: now, steps: BTreeMap::new() }
-    }
-
-    /// Of work that is no command: says nothing but to `told`.
-    pub fn telling(told: Told<'a>) -> Clock<'a> {
-        static NEVER: AtomicBool = AtomicBool::new(false);
-        let reporting = Reporting { quiet: true, cancelled: &NEVER };
-        Clock { told: Some(told), ..Clock::new(reporting) }
+        Self { reporting, begun: now, last: now, steps: BTreeMap::new() }
     }
 
     pub fn cancelled(&self) -> bool {
@@ -75,7 +66,10 @@ impl<'a> Clock<'a> {
         let bar = self.bar(what);
         let result = work(&|done| {
             bar.set_position((f64::from(done) * 1000.0) as u64);
-            self.told.is_none_or(|told| told(what, done)) && !self.cancelled()
+            if let Some(told) = self.reporting.told {
+                told(what, done);
+            }
+            !self.cancelled()
         });
         bar.finish_and_clear();
         result

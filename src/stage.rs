@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use glam::{DMat3, Vec3};
 
 use crate::environment;
@@ -44,9 +44,15 @@ pub struct Geometry {
 impl Geometry {
     /// As thick as the scene and its paint say.
     pub fn load(scene: &Scene) -> Result<Geometry> {
+        Self::load_under(None, scene)
+    }
+
+    /// The same with `paint` in place of what the scene names, if there is any.
+    pub fn load_under(paint: Option<&Paint>, scene: &Scene) -> Result<Geometry> {
         let mut stage = Self::load_bare(scene)?;
-        let paint = stage.paint(scene)?;
-        stage.thicken(paint.as_ref().and_then(|paint| paint.layer(Channel::Thickness)));
+        let named = if paint.is_none() { stage.paint(scene)? } else { None };
+        let painted = paint.or(named.as_ref());
+        stage.thicken(painted.and_then(|paint| paint.layer(Channel::Thickness)));
         Ok(stage)
     }
 
@@ -78,9 +84,11 @@ impl Geometry {
         stage
     }
 
-    /// Gives each point its diameter, under paint of [`Channel::Thickness`] in place of what was painted before.
+    /// Gives each point its diameter, under paint of [`Channel::Thickness`] in place of what was painted before;
+    /// that of other hair does not count.
     pub fn thicken(&mut self, painted: Option<&Layer>) {
         let bare = [1.0, 0.0, 0.0];
+        let painted = painted.filter(|layer| layer.points() == self.hair.points.len());
         let factor = |point: usize| painted.map_or(1.0, |layer| layer.over(point, bare)[0]);
         let profile = hair::width_profile(&self.hair);
         let diameters = profile.iter().enumerate().map(|(i, w)| w * self.diameter * factor(i));
@@ -105,6 +113,20 @@ impl Geometry {
     /// The scene's fibre at each point, with what is painted over it; errors are those of [`Self::paint`].
     pub fn fibres(&self, scene: &Scene) -> Result<Fibres> {
         Ok(Fibres::new(&scene.fibre, self.paint(scene)?.as_ref()))
+    }
+
+    /// The same with `paint` in place of what the scene names, if there is any.
+    ///
+    /// # Errors
+    /// One line: it is of other hair; or those of [`Self::paint`].
+    pub fn fibres_under(&self, paint: Option<&Paint>, scene: &Scene) -> Result<Fibres> {
+        match paint {
+            Some(paint) if paint.points() != self.hair.points.len() => {
+                bail!("the paint is of other hair: it comes back with it")
+            }
+            Some(paint) => Ok(Fibres::new(&scene.fibre, Some(paint))),
+            None => self.fibres(scene),
+        }
     }
 
     /// The scene's camera, in the world.
@@ -147,7 +169,8 @@ impl Geometry {
     }
 }
 
-fn load_hair(scene: &Scene) -> Result<LoadedHair> {
+/// The strands that a scene names.
+pub fn load_hair(scene: &Scene) -> Result<LoadedHair> {
     let spec = &scene.hair;
     let groom = GroomOptions {
         strands: spec.strands as usize,

@@ -149,7 +149,7 @@ fn fast() -> Method {
 
 fn measured(methods: &[Method], grooms: &[Groom], effort: &Effort) -> Bench {
     static GO_ON: AtomicBool = AtomicBool::new(false);
-    let mut clock = Clock::new(Reporting { quiet: true, cancelled: &GO_ON });
+    let mut clock = Clock::new(Reporting { quiet: true, cancelled: &GO_ON, told: None });
     bench::measure(cpu(), methods, grooms, effort, true, &mut clock).unwrap()
 }
 

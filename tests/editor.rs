@@ -36,8 +36,13 @@ pub fn window(document: Document) -> Window {
 
 /// Of a size in points.
 pub fn window_of(document: Document, size: [f32; 2]) -> Window {
+    window_on(size, move |ctx| Editor::new(document.clone(), ctx))
+}
+
+/// A window on an editor, once its picture is whole.
+pub fn window_on(size: [f32; 2], make: impl Fn(&egui::Context) -> Editor + 'static) -> Window {
     let app = move |ui: &mut egui::Ui, state: &mut Option<Editor>| {
-        state.get_or_insert_with(|| Editor::new(document.clone(), ui.ctx())).ui(ui);
+        state.get_or_insert_with(|| make(ui.ctx())).ui(ui);
     };
     let mut window = Harness::builder().with_size(size).build_ui_state(app, None);
     seen(&mut window);
@@ -78,7 +83,7 @@ pub fn apart(a: &[u8], b: &[u8]) -> (u8, f64) {
     (off().max().unwrap_or(0), far as f64 / a.len() as f64)
 }
 
-fn middle(window: &Window) -> Pos2 {
+pub fn middle(window: &Window) -> Pos2 {
     window.get_by_label("Picture").rect().center()
 }
 

@@ -6,6 +6,7 @@ mod chi_square;
 mod cli;
 mod color;
 mod editor;
+mod editor_files;
 mod environment;
 mod fast;
 mod field;

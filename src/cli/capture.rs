@@ -30,7 +30,7 @@ pub fn run(command: &mut Command, matches: &ArgMatches) -> Result<()> {
     if matches.get_flag("print-scene") {
         return print(&scene.to_toml());
     }
-    let options =
-        CaptureOptions { verify: matches.get_flag("verify"), reporting: reporting(matches) };
+    let reporting = reporting(matches);
+    let options = CaptureOptions { paint: None, verify: matches.get_flag("verify"), reporting };
     capture::run(&scene, &options)
 }

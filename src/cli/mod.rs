@@ -197,8 +197,8 @@ fn quiet() -> Arg {
     switch("quiet").short('q').help("No progress, notes or warnings on stderr")
 }
 
-fn reporting(matches: &ArgMatches) -> Reporting {
-    Reporting { quiet: matches.get_flag("quiet"), cancelled: &CANCELLED }
+fn reporting(matches: &ArgMatches) -> Reporting<'static> {
+    Reporting { quiet: matches.get_flag("quiet"), cancelled: &CANCELLED, told: None }
 }
 
 /// All flags and `--set`s as one level, in the order typed.

@@ -5,7 +5,9 @@ mod files;
 mod light;
 mod panels;
 mod picture;
+mod still;
 mod truth;
+mod unsaved;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -22,10 +24,12 @@ use super::shader_watch::Watch;
 use super::viewport::{self, Shown};
 use crate::gpu::shaders::Shaders;
 use crate::live::{Said, Wish, Worker, same};
-use crate::scene::Scene;
+use crate::scene::{HairSpec, Scene};
 use crate::stage::Geometry;
 use files::{Files, PromptKind};
+use still::Saving;
 use truth::Truth;
+use unsaved::Unsaved;
 
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
 const REDO: KeyboardShortcut =
@@ -33,10 +37,12 @@ const REDO: KeyboardShortcut =
 const SAVE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
 const SAVE_AS: KeyboardShortcut =
     KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
+const COPY: KeyboardShortcut =
+    KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::C);
 const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
 
 /// What keys and drags do, as `?` shows it.
-const SHORTCUTS: [(&str, &str); 18] = [
+const SHORTCUTS: [(&str, &str); 20] = [
     ("Drag", "View: turn the camera. Paint: paint"),
     ("Middle drag", "Turn the camera, whatever the tool"),
     ("Right drag, Shift + middle drag", "Move the camera"),
@@ -48,10 +54,12 @@ const SHORTCUTS: [(&str, &str); 18] = [
     ("I", "Eyedropper: take the value under the pointer"),
     ("X", "Brush: set, or erase"),
     ("R", "The path-traced truth beside the frame; drag the line between them"),
+    ("Drag over the map", "Turn the light"),
     ("T", "Turntable"),
     ("Ctrl + Z, Ctrl + Shift + Z", "Undo, redo"),
     ("Ctrl + O", "Open a scene, hair, head or map"),
     ("Ctrl + S, Ctrl + Shift + S", "Save, save as"),
+    ("Ctrl + Shift + C", "Copy the picture"),
     ("Ctrl + plus, minus, 0", "Size of the interface"),
     ("Esc", "Give up a stroke, close a window"),
     ("?", "This list"),
@@ -70,10 +78,14 @@ pub struct Editor {
     pub brush: Brush,
     tool: Tool,
     worker: Worker,
+    /// For threads to wake.
+    waking: egui::Context,
     shown: Shown,
     stage: Option<Arc<Geometry>>,
     light: LightView,
     maps: Maps,
+    /// The hair of that.
+    stage_of: HairSpec,
     /// The scene as the history has it.
     settled: Scene,
     asked: Option<(u64, Wish)>,
@@ -91,6 +103,8 @@ pub struct Editor {
     shaders: Option<Arc<Shaders>>,
     watch: Option<Watch>,
     fibre: fibre::FibreSection,
+    unsaved: Unsaved,
+    saving: Option<Saving>,
     shortcuts: bool,
     turning: Option<Instant>,
     /// The light's or the brush's drag under way.
@@ -120,10 +134,12 @@ impl Editor {
             brush: Brush::default(),
             tool: Tool::View,
             worker: Worker::new(move || waking.request_repaint()),
+            waking: ctx.clone(),
             shown: Shown::default(),
             stage: None,
             light: LightView::default(),
             maps: Maps::default(),
+            stage_of: HairSpec::default(),
             asked: None,
             shown_of: 0,
             stroke: None,
@@ -136,6 +152,8 @@ impl Editor {
             shaders: None,
             watch: None,
             fibre: fibre::FibreSection::default(),
+            unsaved: Unsaved::default(),
+            saving: None,
             shortcuts: false,
             turning: None,
             drag: None,
@@ -161,6 +179,7 @@ impl Editor {
         self.turn(ui.ctx());
         self.settle(ui.ctx());
         self.ask_truth(ui.ctx());
+        self.keep(ui.ctx());
     }
 
     /// Whether the last picture is all that there will be of what is asked.
@@ -197,6 +216,7 @@ impl Editor {
             Some(Err(error)) => self.fail(&error),
             None => {}
         }
+        self.hear_saving();
         let newest = self.asked.as_ref().map_or(0, |(number, _)| *number);
         for (number, said) in self.worker.said().collect::<Vec<_>>() {
             match said {
@@ -211,8 +231,8 @@ impl Editor {
                     self.progress = Some((what, done))
                 }
                 Said::Progress(..) => {}
-                Said::Geometry(stage) => {
-                    self.stage = Some(stage);
+                Said::Geometry(of, stage) => {
+                    (self.stage, self.stage_of) = (Some(stage), of);
                     self.places = None;
                 }
                 Said::Light(light) => self.light.put(light),
@@ -225,6 +245,11 @@ impl Editor {
                 }
             }
         }
+    }
+
+    /// The geometry, once it is that of the document's hair.
+    fn own_stage(&self) -> Option<&Arc<Geometry>> {
+        self.stage.as_ref().filter(|_| self.stage_of == *self.document.shape())
     }
 
     fn say(&mut self, line: impl Into<String>) {
@@ -289,7 +314,7 @@ impl Editor {
             return;
         }
         if self.document.paint.as_ref().is_some_and(|before| **before != *paint) {
-            self.document.paint = Some(paint);
+            self.document.put_paint(paint);
         }
         self.document.follow_hair();
         self.settled = self.document.scene.clone();
@@ -308,6 +333,9 @@ impl Editor {
         }
         if pressed(&SAVE) {
             self.save();
+        }
+        if pressed(&COPY) {
+            self.copy_picture(ctx);
         }
         if pressed(&OPEN) {
             self.ask_path(PromptKind::Open);
@@ -348,6 +376,9 @@ impl Editor {
             self.give_up_stroke();
             self.shortcuts = false;
             self.maps.open = false;
+            if !self.files.asking() {
+                self.unsaved.later();
+            }
             self.files.give_up();
         }
         if ctx.input(|i| i.events.iter().any(|e| matches!(e, egui::Event::Text(t) if t == "?"))) {

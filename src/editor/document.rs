@@ -1,5 +1,6 @@
 //! A scene and its paint, as they are edited and as they are kept.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -33,6 +34,16 @@ impl Document {
         Self { scene, paint: None, path, saved, shape, aside: Vec::new() }
     }
 
+    /// Work that was never saved as it is now.
+    pub fn unsaved(scene: Scene, paint: Option<Arc<Paint>>, path: Option<PathBuf>) -> Self {
+        Self { paint, saved: None, ..Self::new(scene, path) }
+    }
+
+    /// The hair that paint goes on.
+    pub fn shape(&self) -> &HairSpec {
+        &self.shape
+    }
+
     /// After the scene changed: paint goes and comes with the hair that it is on. Whether it did.
     pub fn follow_hair(&mut self) -> bool {
         let new = shape(&self.scene);
@@ -60,6 +71,24 @@ impl Document {
         Ok(Self::new(Scene::read(path)?, Some(path.to_owned())))
     }
 
+    /// Before the first stroke: what the scene names to be painted, or bare hair, which is no change.
+    pub fn begin_paint(&mut self, paint: Paint) {
+        let paint = Arc::new(paint);
+        if let Some((scene, saved)) = &mut self.saved
+            && saved.is_none()
+            && scene.hair == self.scene.hair
+        {
+            *saved = Some(paint.clone());
+        }
+        self.paint = Some(paint);
+    }
+
+    /// Puts paint in place of what is there; what was saved is known again.
+    pub fn put_paint(&mut self, paint: Arc<Paint>) {
+        let saved = self.saved.as_ref().and_then(|(_, saved)| saved.clone());
+        self.paint = Some(saved.filter(|saved| **saved == *paint).unwrap_or(paint));
+    }
+
     /// Whether there is something that the file does not have.
     pub fn changed(&self) -> bool {
         !self
@@ -74,14 +103,24 @@ impl Document {
     /// One line that names the file; then nothing counts as saved.
     pub fn save(&mut self, path: &Path, hair: Option<&Hair>) -> Result<()> {
         let mut scene = self.scene.clone();
-        if let Some(paint) = &self.paint {
-            let hair = hair.context("the hair is still being loaded: save again in a moment")?;
-            let beside = path.with_extension("paint");
-            paint.write(&beside, hair)?;
+        let beside = path.with_extension("paint");
+        if self.paint.is_some() {
+            if beside == path {
+                bail!("{}: is where its paint goes: name the scene .toml", path.display());
+            }
             scene.hair.paint = Some(beside.to_string_lossy().into_owned());
         }
         let text = portable(&scene, path)?.to_toml();
-        write_whole(path, |file| Ok(std::io::Write::write_all(file, text.as_bytes())?))?;
+        write_whole(path, |file| {
+            file.write_all(text.as_bytes())?;
+            // Only once there was room for the scene: what cannot be saved leaves both files as they were.
+            if let Some(paint) = &self.paint {
+                let hair =
+                    hair.context("the hair is still being loaded: save again in a moment")?;
+                paint.write(&beside, hair)?;
+            }
+            Ok(())
+        })?;
         self.scene.hair.paint = scene.hair.paint;
         self.path = Some(path.to_owned());
         self.saved = Some((self.scene.clone(), self.paint.clone()));

@@ -8,6 +8,8 @@
 //! - `maps`: maps to choose from, with thumbnails.
 //! - `shader_watch`: shaders that are read again when they change.
 //! - `speed_plot`: speed against error, of the view that is shown.
+//! - `recent`: what was opened last.
+//! - `recovery`: unsaved work, kept for when a process dies.
 //! - `fields`: the widgets of the scene's table of fields; nothing here names a range.
 //! - `lobes`, `lobe_plot`: a fibre's lobes as curves, drawn; `hints`: what a field does, in small pictures of them.
 //! - `thumbnails`: presets as pictures; `later`: what takes time, made on a thread.
@@ -26,21 +28,29 @@ mod light_view;
 mod lobe_plot;
 pub mod lobes;
 mod maps;
+mod recent;
+mod recovery;
 mod shader_watch;
 mod speed_plot;
 mod thumbnails;
 mod viewport;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use anyhow::{Result, anyhow};
 use eframe::egui;
+
+use crate::file::state_folder;
 
 pub use app::Editor;
 pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
 pub use document::Document;
 pub use history::{History, Step};
 pub use light_view::outline;
+
+/// Unsaved work is kept no more often.
+const KEPT_EVERY: Duration = Duration::from_secs(30);
 
 /// Opens the window on a document and comes back when it is closed. `shaders`: a folder to draw by in place of the
 /// built-in ones.
@@ -57,6 +67,16 @@ pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
             .with_drag_and_drop(true),
         ..Default::default()
     };
+    let editor = |ctx: &egui::Context| {
+        let mut editor = Editor::new(document, ctx);
+        if let Some(folder) = shaders {
+            editor.watch_shaders(folder, ctx);
+        }
+        match state_folder() {
+            Some(folder) => editor.keeping(&folder, KEPT_EVERY, ctx),
+            None => editor,
+        }
+    };
     struct Window(Editor);
     impl eframe::App for Window {
         fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
@@ -66,13 +86,7 @@ pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
     let opened = eframe::run_native(
         "hairlight",
         options,
-        Box::new(|context| {
-            let mut editor = Editor::new(document, &context.egui_ctx);
-            if let Some(folder) = shaders {
-                editor.watch_shaders(folder, &context.egui_ctx);
-            }
-            Ok(Box::new(Window(editor)))
-        }),
+        Box::new(|context| Ok(Box::new(Window(editor(&context.egui_ctx))))),
     );
     opened.map_err(|error| {
         anyhow!(

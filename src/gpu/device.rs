@@ -1,8 +1,12 @@
 //! Adapter and device: a GPU where there is one, else the CPU through lavapipe.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use anyhow::{Context, Result, bail};
 
 use super::shaders::Shaders;
+use crate::file::catch_panic;
 
 /// An open device. It asks for wgpu's default limits and no optional feature but timestamps.
 pub struct Gpu {
@@ -10,6 +14,7 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     pub info: wgpu::AdapterInfo,
     pub shaders: Shaders,
+    lost: Arc<AtomicBool>,
 }
 
 const INSTALL: &str = "install a Vulkan driver (on Debian and Ubuntu the CPU one is \
@@ -55,7 +60,17 @@ impl Gpu {
             .with_context(|| {
                 format!("adapter `{}` cannot open a device with default limits", info.name)
             })?;
-        Ok(Gpu { device, queue, info, shaders: Shaders::default() })
+        let lost = Arc::new(AtomicBool::new(false));
+        let told = lost.clone();
+        device.set_device_lost_callback(move |_, _| told.store(true, Ordering::Relaxed));
+        Ok(Gpu { device, queue, info, shaders: Shaders::default(), lost })
+    }
+
+    /// Whether the device is gone: its driver was reset or updated, or the adapter taken out. Nothing works on it again.
+    pub fn lost(&self) -> bool {
+        // The device is asked, since it says so by itself only when it is used; what is gone may panic.
+        let asked = catch_panic(|| self.device.poll(wgpu::PollType::Poll));
+        asked.is_err() || self.lost.load(Ordering::Relaxed)
     }
 
     /// Waits until all submitted work is done.

@@ -16,13 +16,13 @@ mod worker;
 
 use std::sync::Arc;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 
 use crate::gpu::frame::Frame;
 use crate::gpu::shaders::Shaders;
 use crate::paint::{Fibres, Paint};
 use crate::quality::{Expected, Pick};
-use crate::scene::{EnvironmentSpec, Scene};
+use crate::scene::{EnvironmentSpec, HairSpec, Scene};
 use crate::stage::Geometry;
 
 pub use light::Light;
@@ -62,12 +62,7 @@ impl Wish {
     /// # Errors
     /// One line: the paint is of other hair, or cannot be read.
     pub fn fibres(&self, stage: &Geometry) -> Result<Fibres> {
-        let Some(paint) = &self.paint else { return stage.fibres(&self.scene) };
-        ensure!(
-            paint.points() == stage.hair.points.len(),
-            "the paint is of other hair: it comes back with it"
-        );
-        Ok(Fibres::new(&self.scene.fibre, Some(paint)))
+        stage.fibres_under(self.paint.as_deref(), &self.scene)
     }
 }
 
@@ -123,13 +118,13 @@ pub enum Said {
     Picture(Picture),
     /// What is being done, and the share done.
     Progress(&'static str, f32),
-    /// Geometry that came to be, for who paints on it or asks its size.
-    Geometry(Arc<crate::stage::Geometry>),
+    /// Geometry that came to be, of this hair without its paint: for who paints on it or asks its size.
+    Geometry(HairSpec, Arc<crate::stage::Geometry>),
     /// Light that came to be, for who looks at it.
     Light(Arc<Light>),
     /// What was assumed and mended.
     Note(String),
-    /// In one line, what is wrong with the wish; the last good stage stays.
+    /// In one line, what is wrong with the wish, or with the device; the last good stage stays.
     Failed(String),
 }
 

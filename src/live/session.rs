@@ -10,6 +10,7 @@ use super::light::Coming;
 use super::{Figures, Light, Picture, Said, Wish, same, unexposed};
 use crate::capture::{background, parts};
 use crate::field::Field;
+use crate::file::catch_panic;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Renderer};
 use crate::gpu::method::MethodData;
@@ -158,20 +159,38 @@ impl Session {
     /// # Errors
     /// One line, if the wish cannot be seen; what was made before stays.
     pub fn see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
-        let result = self.try_see(wish, go_on, say);
+        let mut seen = catch_panic(|| self.try_see(wish, go_on, say));
+        // A device that is gone panics in some places and is an error in others.
+        let lost = !matches!(seen, Ok(Ok(_))) && self.gpu().is_some_and(Gpu::lost);
+        if lost {
+            say(Said::Failed("the graphics device was lost: another one is opened".to_owned()));
+        }
+        if lost || seen.is_err() {
+            // All that was on it is made again.
+            self.gpu = None;
+            (self.hurried, self.whole) = (None, None);
+            seen = catch_panic(|| self.try_see(wish, go_on, say));
+        }
+        let result = seen.unwrap_or_else(|panic| {
+            let words = panic.downcast_ref::<String>().map(String::as_str).unwrap_or_default();
+            bail!(
+                "this is a fault of Hairlight; please report the scene: {}",
+                words.replace('\n', " ")
+            )
+        });
         match result {
             Err(_) if !go_on() => Ok(false),
             Err(error) => {
-                // A device that was lost is opened anew at the next wish.
-                if self.gpu.as_ref().is_some_and(|made| made.it.gpu.wait().is_err()) {
-                    self.gpu = None;
-                    self.body = None;
-                }
                 (self.hurried, self.whole) = (None, None);
                 Err(error)
             }
             done => done,
         }
+    }
+
+    /// The device that pictures are made on, once there is one.
+    pub fn gpu(&self) -> Option<&Gpu> {
+        Some(&self.gpu.as_ref()?.it.gpu)
     }
 
     fn try_see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
@@ -287,7 +306,9 @@ impl Session {
 
     /// Strands are drawn at once as thick as they are painted; how dense the hair is follows in [`Self::make_medium`].
     fn make_thickness(&mut self, wish: &Wish, say: Say) -> Result<()> {
-        let Some(stage) = self.body.as_ref().map(|body| body.it.stage.clone()) else {
+        let Some((of, stage)) =
+            self.body.as_ref().map(|body| (body.from.0.clone(), body.it.stage.clone()))
+        else {
             return Ok(());
         };
         let thickness = self.thickness(wish, &stage)?;
@@ -299,7 +320,7 @@ impl Session {
             renderer.it.set_diameters(&stage);
             body.stage = Arc::new(stage);
             (body.thickness, body.stale) = (thickness, true);
-            say(Said::Geometry(body.stage.clone()));
+            say(Said::Geometry(of, body.stage.clone()));
         }
         Ok(())
     }
@@ -338,7 +359,7 @@ impl Session {
         };
         let renderer = Renderer::new(gpu, &method, &stage)?;
         self.gpu = Some(Made { from: adapter.clone(), it: renderer });
-        say(Said::Geometry(stage.clone()));
+        say(Said::Geometry(from.0.clone(), stage.clone()));
         self.body = Some(Made { from, it: body });
         (self.coarse, self.fine) = (None, None);
         self.method = None;

@@ -31,7 +31,7 @@ fn identity(hair: &Hair) -> [u8; HASH] {
 impl Paint {
     /// Writes the file, whole or not at all.
     pub fn write(&self, path: &Path, hair: &Hair) -> Result<()> {
-        let bytes = self.encode(hair)?;
+        let bytes = self.encode(hair).with_context(|| path.display().to_string())?;
         write_whole(path, |file| Ok(file.write_all(&bytes)?))
     }
 
@@ -45,6 +45,10 @@ impl Paint {
     }
 
     fn encode(&self, hair: &Hair) -> Result<Vec<u8>> {
+        ensure!(
+            self.points == hair.points.len(),
+            "the paint is of other hair: save again in a moment"
+        );
         let mut packer = ZlibEncoder::new(Vec::new(), Compression::default());
         for layer in self.layers() {
             packer.write_all(&[layer.channel as u8])?;

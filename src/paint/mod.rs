@@ -113,6 +113,11 @@ impl Layer {
         self.channel
     }
 
+    /// How many points it is of.
+    pub fn points(&self) -> usize {
+        self.texels.len() / (self.channel.width() + 1)
+    }
+
     /// Value and weight at a point; of a channel of one number the others are 0.
     pub fn at(&self, point: usize) -> ([f32; 3], f32) {
         let width = self.channel.width();

@@ -52,7 +52,7 @@ pub struct ReferenceOptions {
     pub seed: u32,
     /// Go on with the picture that is there.
     pub resume: bool,
-    pub reporting: Reporting,
+    pub reporting: Reporting<'static>,
 }
 
 /// Path traces the scene and writes what its output asks for. A cancelled run writes the samples it has, if

@@ -1,7 +1,6 @@
 //! Fits remembered by content: one small file each, named by the hash of the map, n and the
 //! algorithm.
 
-use std::env;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +9,7 @@ use glam::DVec3;
 
 use super::{Fit, MAX_LIGHTS, SrbfLight, fit};
 use crate::environment::Environment;
-use crate::file::write_whole;
+use crate::file::{folder_of, user_folder, write_whole};
 
 /// Raise this whenever the same map would get other lights, or the file another layout.
 const VERSION: u32 = 3;
@@ -35,10 +34,7 @@ pub fn fit_cached(
 /// `$HAIRLIGHT_CACHE`, else `$XDG_CACHE_HOME/hairlight`, else `~/.cache/hairlight`; None without a
 /// home.
 pub fn cache_folder() -> Option<PathBuf> {
-    let folder = |name: &str| env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    folder("HAIRLIGHT_CACHE")
-        .or_else(|| folder("XDG_CACHE_HOME").map(|base| base.join("hairlight")))
-        .or_else(|| env::home_dir().map(|home| home.join(".cache/hairlight")))
+    folder_of("HAIRLIGHT_CACHE").or_else(|| user_folder("XDG_CACHE_HOME", ".cache"))
 }
 
 /// Like [`fit_cached`], with the cache in `folder`, which is made where it is missing.

@@ -4,9 +4,12 @@ use std::path::{Path, PathBuf};
 
 use eframe::egui::{self, Key, Ui};
 
+use super::still::picture_fields;
 use super::{Editor, History, SHORTCUTS};
 use crate::editor::desktop;
 use crate::editor::document::{Document, put_file};
+use crate::editor::fields::name_it;
+use crate::editor::recent::Recent;
 use crate::scene::Scene;
 
 /// A path that is asked for.
@@ -15,6 +18,10 @@ struct Prompt {
     path: String,
     /// From the desktop's own dialog, on a thread.
     chosen: Option<std::sync::mpsc::Receiver<Option<PathBuf>>>,
+    /// Of a picture: the scene, with what is asked for the picture alone.
+    scene: Option<Scene>,
+    /// What goes on once it is saved there.
+    then: Option<Leaving>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -30,6 +37,8 @@ pub(super) enum Leaving {
     Close,
     Open(PathBuf),
     New,
+    /// For the unsaved work in this folder.
+    Recover(PathBuf),
 }
 
 /// What is asked of the user.
@@ -37,14 +46,20 @@ pub(super) enum Leaving {
 pub(super) struct Files {
     prompt: Option<Prompt>,
     leaving: Option<Leaving>,
+    pub(super) recent: Recent,
     /// The close was allowed.
-    may_close: bool,
+    pub(super) may_close: bool,
 }
 
 impl Files {
     /// Asks nothing any more.
     pub(super) fn give_up(&mut self) {
         (self.prompt, self.leaving) = (None, None);
+    }
+
+    /// Whether something is asked.
+    pub(super) fn asking(&self) -> bool {
+        self.prompt.is_some() || self.leaving.is_some()
     }
 }
 
@@ -58,7 +73,8 @@ impl Editor {
             }
             PromptKind::Picture => self.document.scene.output.path.clone(),
         };
-        self.files.prompt = Some(Prompt { kind, path, chosen: None });
+        let scene = (kind == PromptKind::Picture).then(|| self.document.scene.clone());
+        self.files.prompt = Some(Prompt { kind, path, chosen: None, scene, then: None });
     }
 
     pub(super) fn save(&mut self) {
@@ -69,22 +85,14 @@ impl Editor {
     }
 
     pub(super) fn save_to(&mut self, path: &Path) {
-        let hair = self.stage.as_ref().map(|stage| &stage.hair);
+        let stage = self.own_stage().cloned();
+        let hair = stage.as_ref().map(|stage| &stage.hair);
         match self.document.save(path, hair) {
             Ok(()) => {
                 self.settled = self.document.scene.clone();
+                self.files.recent.add(path);
                 self.say(format!("Saved {}", path.display()));
             }
-            Err(error) => self.fail(&error),
-        }
-    }
-
-    pub(super) fn save_picture(&mut self, path: &Path) {
-        let Some(picture) = self.shown.picture.as_ref().filter(|_| self.finished()) else {
-            return self.say("The picture is still being refined: save it in a moment");
-        };
-        match crate::image::write_png_rgba(path, picture.size, &picture.rgba) {
-            Ok(()) => self.say(format!("Saved {}", path.display())),
             Err(error) => self.fail(&error),
         }
     }
@@ -92,14 +100,40 @@ impl Editor {
     /// Opens a scene, or takes a hair, head or map into this one.
     pub fn open(&mut self, path: &Path) {
         match put_file(&mut self.document.scene, path) {
-            Ok(true) => self.say(format!("Took {}", path.display())),
+            Ok(true) => {
+                self.files.recent.add(path);
+                self.say(format!("Took {}", path.display()));
+            }
             Ok(false) => self.leave(Leaving::Open(path.to_owned())),
             Err(error) => self.fail(&error),
         }
     }
 
+    /// What was opened or saved last, to be opened again.
+    pub(super) fn recent_menu(&mut self, ui: &mut Ui) {
+        let mut chosen = None;
+        ui.menu_button("Open recent", |ui| {
+            for path in self.files.recent.there() {
+                let name = path.file_name().unwrap_or_default().to_string_lossy();
+                let folder = path.parent().unwrap_or(Path::new("")).to_string_lossy();
+                let button = ui.add(egui::Button::new(&*name).shortcut_text(&*folder));
+                name_it(&button, &path.to_string_lossy());
+                if button.clicked() {
+                    chosen = Some(path.to_owned());
+                }
+            }
+            if self.files.recent.there().next().is_none() {
+                ui.weak("Nothing yet");
+            }
+        });
+        if let Some(path) = chosen {
+            self.open(&path);
+        }
+    }
+
     pub(super) fn leave(&mut self, leaving: Leaving) {
         if self.document.changed() {
+            self.files.prompt = None;
             self.files.leaving = Some(leaving);
         } else {
             self.left(leaving);
@@ -111,20 +145,30 @@ impl Editor {
         let document = match leaving {
             Leaving::Close => {
                 self.files.may_close = true;
+                self.unsaved.forget();
                 return;
             }
+            Leaving::Recover(folder) => return self.recover(&folder),
             Leaving::New => Ok(Document::new(Scene::default(), None)),
             Leaving::Open(path) => Document::open(&path),
         };
         match document {
             Ok(document) => {
-                self.settled = document.scene.clone();
-                self.document = document;
-                self.history = History::default();
-                self.message = None;
+                if let Some(path) = &document.path {
+                    self.files.recent.add(path);
+                }
+                self.show(document);
             }
             Err(error) => self.fail(&error),
         }
+    }
+
+    /// A document in place of the one that was left.
+    pub(super) fn show(&mut self, document: Document) {
+        self.settled = document.scene.clone();
+        self.document = document;
+        self.history = History::default();
+        self.message = None;
     }
 
     pub(super) fn dropped(&mut self, ctx: &egui::Context) {
@@ -156,8 +200,12 @@ impl Editor {
                 });
             },
         );
+        self.recovery_window(&ctx);
         self.leaving_window(&ctx);
         self.prompt_window(&ctx);
+        if self.files.may_close {
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+        }
     }
 
     pub(super) fn leaving_window(&mut self, ctx: &egui::Context) {
@@ -181,15 +229,15 @@ impl Editor {
         self.files.leaving = None;
         if save {
             self.save();
+            if let Some(prompt) = &mut self.files.prompt {
+                prompt.then = Some(leaving);
+                return;
+            }
             if self.document.changed() {
                 return;
             }
         }
-        let close = leaving == Leaving::Close;
         self.left(leaving);
-        if close {
-            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
-        }
     }
 
     pub(super) fn prompt_window(&mut self, ctx: &egui::Context) {
@@ -220,6 +268,9 @@ impl Editor {
                     prompt.chosen = Some(browse(prompt.kind, ctx));
                 }
             });
+            if let Some(scene) = &mut prompt.scene {
+                picture_fields(ui, scene, &self.document.scene.output, self.size(ctx));
+            }
             ui.horizontal(|ui| {
                 let word = if prompt.kind == PromptKind::Open { "Open" } else { "Save" };
                 done |= ui.button(word).clicked();
@@ -230,8 +281,19 @@ impl Editor {
             let path = PathBuf::from(&prompt.path);
             match prompt.kind {
                 PromptKind::Open => self.open(&path),
-                PromptKind::Save => self.save_to(&path),
-                PromptKind::Picture => self.save_picture(&path),
+                PromptKind::Save => {
+                    self.save_to(&path);
+                    if self.document.changed() {
+                        // Another path may do.
+                        self.files.prompt = Some(prompt);
+                    } else if let Some(then) = prompt.then {
+                        self.left(then);
+                    }
+                }
+                PromptKind::Picture => {
+                    let scene = prompt.scene.unwrap_or_default();
+                    self.save_picture(scene, &path);
+                }
             }
         } else if !given_up {
             self.files.prompt = Some(prompt);
@@ -246,6 +308,6 @@ fn browse(kind: PromptKind, ctx: &egui::Context) -> std::sync::mpsc::Receiver<Op
             .add_filter("Scene, hair, head, map", &["toml", "hair", "tfx", "obj", "exr", "hdr"])
             .pick_file(),
         PromptKind::Save => dialog.add_filter("Scene", &["toml"]).save_file(),
-        PromptKind::Picture => dialog.add_filter("Picture", &["png"]).save_file(),
+        PromptKind::Picture => dialog.add_filter("Picture", &["png", "exr"]).save_file(),
     })
 }

@@ -24,6 +24,7 @@ impl Editor {
                 if ui.button("Open…").clicked() {
                     self.ask_path(PromptKind::Open);
                 }
+                self.recent_menu(ui);
                 ui.separator();
                 if ui.button("Save").clicked() {
                     self.save();
@@ -47,6 +48,10 @@ impl Editor {
                 }
                 if ui.add_enabled(can_redo, egui::Button::new("Redo")).clicked() {
                     self.undo(true);
+                }
+                ui.separator();
+                if ui.button("Copy picture").clicked() {
+                    self.copy_picture(ui.ctx());
                 }
             });
             ui.menu_button("View", |ui| {
@@ -88,6 +93,7 @@ impl Editor {
                     ui.add(egui::ProgressBar::new(done).desired_width(60.0).desired_height(6.0));
                     ui.weak(what);
                 }
+                self.saving_status(ui);
             });
         });
     }

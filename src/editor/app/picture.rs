@@ -103,7 +103,7 @@ impl Editor {
 
     /// Goes on with a stroke, or begins one, at a place of the screen.
     pub(super) fn paint_at(&mut self, at: Pos2, rect: Rect, pressure: f32) {
-        let (Some(stage), Some(picture)) = (self.stage.clone(), &self.shown.picture) else {
+        let (Some(stage), Some(picture)) = (self.own_stage().cloned(), &self.shown.picture) else {
             return;
         };
         let place = ((at - rect.min) / rect.height()).into();
@@ -111,7 +111,7 @@ impl Editor {
             match stage.paint(&self.document.scene) {
                 Ok(paint) => {
                     let bare = Paint::bare(stage.hair.points.len());
-                    self.document.paint = Some(Arc::new(paint.unwrap_or(bare)));
+                    self.document.begin_paint(paint.unwrap_or(bare));
                 }
                 Err(error) => return self.fail(&error),
             }

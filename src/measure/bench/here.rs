@@ -1,5 +1,7 @@
 //! The causes of error of a scene as it is, small.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use anyhow::Result;
 
 use super::Effort;
@@ -10,7 +12,7 @@ use crate::environment::Environment;
 use crate::gpu::Gpu;
 use crate::gpu::method::MethodData;
 use crate::paint::Fibres;
-use crate::progress::{Clock, Told};
+use crate::progress::{Clock, Reporting};
 use crate::reference::Models;
 use crate::scene::{Lens, Scene};
 use crate::stage::Geometry;
@@ -22,16 +24,23 @@ const SAMPLES: u32 = 48;
 /// Takes the error of a scene's frame apart, in a picture of at most some 8,000 pixels through `lens`; and its size.
 ///
 /// # Errors
-/// One line: no adapter, a method without the scene's model, `told` cancelled it.
+/// One line: no adapter, a method without the scene's model, `told` what is done and which share of it, and
+/// said no.
 pub fn causes(
     scene: &Scene,
     stage: &Geometry,
     fibres: &Fibres,
     map: &Environment,
     lens: &Lens,
-    told: Told,
+    told: &(dyn Fn(&'static str, f32) -> bool + Sync),
 ) -> Result<(Causes, [u32; 2])> {
-    let clock = Clock::telling(told);
+    let cancelled = AtomicBool::new(false);
+    let told = |what, done| {
+        if !told(what, done) {
+            cancelled.store(true, Ordering::Relaxed);
+        }
+    };
+    let clock = Clock::new(Reporting { quiet: true, cancelled: &cancelled, told: Some(&told) });
     let effort = Effort { truth_samples: SAMPLES, ..Effort::QUICK };
     let pixels = f64::from(lens.size[0]) * f64::from(lens.size[1]);
     let share = (PIXELS / pixels).sqrt().min(1.0);

@@ -115,7 +115,7 @@ pub struct Options {
     pub adapter: String,
     /// Shown beside the builtin bob.
     pub groom: Option<Groom>,
-    pub reporting: Reporting,
+    pub reporting: Reporting<'static>,
 }
 
 /// What ran it.

@@ -1,0 +1,527 @@
+//! Files of the editor, and what must not be lost: leaving, recovery after a crash, recent files, what is dropped.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, Key, Modifiers, Pos2, Vec2};
+use egui_kittest::kittest::Queryable;
+use hairlight::editor::{Document, Editor};
+use hairlight::live::{Said, Session, Wish};
+use hairlight::paint::Paint;
+use hairlight::stage::Geometry;
+use tempfile::tempdir;
+
+use crate::editor::{
+    Window, apart, drag, editor, key, look, middle, picture, seen, small, window, window_on,
+};
+
+/// A stroke across the hair, until it is seen.
+fn stroke(window: &mut Window) {
+    key(window, Modifiers::NONE, Key::B);
+    seen(window);
+    let brush = &mut window.state_mut().as_mut().unwrap().brush;
+    (brush.value, brush.radius) = ([0.0; 3], 0.15);
+    let at = middle(window);
+    let places: Vec<Pos2> = (0..4).map(|k| at + Vec2::new(14.0 * k as f32 - 28.0, -20.0)).collect();
+    drag(window, &places);
+    seen(window);
+}
+
+/// Answers what asks for a path.
+fn type_path(window: &mut Window, path: &Path) {
+    window.get_by_label("Path").focus();
+    window.step();
+    key(window, Modifiers::COMMAND, Key::A);
+    window.event(egui::Event::Text(path.to_string_lossy().into_owned()));
+    window.step();
+    key(window, Modifiers::NONE, Key::Enter);
+    window.step();
+}
+
+/// Asks the window to close; whether it does.
+fn closes(window: &mut Window) -> bool {
+    let root = window.input_mut().viewports.entry(egui::ViewportId::ROOT).or_default();
+    root.events.push(egui::ViewportEvent::Close);
+    window.step();
+    let closes = !commanded(window, &egui::ViewportCommand::CancelClose);
+    // A dialog takes some frames to be there.
+    window.run_steps(3);
+    closes
+}
+
+fn commanded(window: &Window, command: &egui::ViewportCommand) -> bool {
+    window.output().viewport_output[&egui::ViewportId::ROOT].commands.contains(command)
+}
+
+fn click(window: &mut Window, label: &str) {
+    window.get_by_label(label).click();
+    window.run_steps(3);
+}
+
+fn message(window: &Window) -> String {
+    editor(window).message().unwrap_or_default().to_owned()
+}
+
+fn exposed(window: &mut Window, stops: f64) {
+    window.state_mut().as_mut().unwrap().document.scene.environment.exposure = stops;
+    window.step();
+}
+
+#[test]
+fn what_is_undone_is_no_change() {
+    let mut window = window(Document::new(small(), None));
+    stroke(&mut window);
+    assert!(editor(&window).document.changed());
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    assert!(!editor(&window).document.changed(), "a stroke undone");
+    assert!(closes(&mut window));
+}
+
+#[test]
+fn save_before_closing_asks_where_and_then_closes() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("kept.toml");
+    let mut window = window(Document::new(small(), None));
+    exposed(&mut window, 1.0);
+    assert!(!closes(&mut window), "unsaved work");
+    look(&mut window, "leaving.png");
+    // Given up, nothing of it comes back with a later save.
+    click(&mut window, "Save");
+    click(&mut window, "Cancel");
+    key(&mut window, Modifiers::COMMAND, Key::S);
+    type_path(&mut window, &path);
+    assert!(path.is_file() && !editor(&window).document.changed(), "{}", message(&window));
+    assert!(!commanded(&window, &egui::ViewportCommand::Close), "nobody asked to close");
+
+    let editor_ = window.state_mut().as_mut().unwrap();
+    editor_.document.path = None;
+    exposed(&mut window, 2.0);
+    assert!(!closes(&mut window));
+    click(&mut window, "Save");
+    // What cannot be written is asked again.
+    type_path(&mut window, &path.join("under-a-file.toml"));
+    let said = message(&window);
+    assert!(said.contains("under-a-file.toml") && said.contains("cannot be written"), "{said}");
+    assert!(editor(&window).document.changed());
+    type_path(&mut window, &path);
+    assert!(commanded(&window, &egui::ViewportCommand::Close), "{}", message(&window));
+    assert!(closes(&mut window));
+    assert_eq!(Document::open(&path).unwrap().scene.environment.exposure, 2.0);
+}
+
+/// An editor that keeps its unsaved work in a folder.
+fn keeping(document: Document, state: &Path) -> Window {
+    let state = state.to_owned();
+    window_on([860.0, 420.0], move |ctx| {
+        Editor::new(document.clone(), ctx).keeping(&state, Duration::ZERO, ctx)
+    })
+}
+
+/// The folders of unsaved work.
+fn sets(state: &Path) -> Vec<PathBuf> {
+    let Ok(folders) = std::fs::read_dir(state.join("unsaved")) else { return Vec::new() };
+    folders.flatten().map(|entry| entry.path()).collect()
+}
+
+fn until(window: &mut Window, what: &str, mut done: impl FnMut(&Window) -> bool) {
+    let begun = Instant::now();
+    while !done(window) {
+        assert!(begun.elapsed() < Duration::from_secs(60), "{what}: {}", message(window));
+        std::thread::sleep(Duration::from_millis(5));
+        window.step();
+    }
+}
+
+#[test]
+fn what_a_dead_process_left_is_recovered() {
+    let folder = tempdir().unwrap();
+    let (state, path) = (folder.path().join("state"), folder.path().join("scene.toml"));
+    let mut document = Document::new(small(), None);
+    document.save(&path, None).unwrap();
+    let mut first = keeping(Document::open(&path).unwrap(), &state);
+    assert!(sets(&state).is_empty(), "nothing is unsaved yet");
+    stroke(&mut first);
+    exposed(&mut first, 0.5);
+    stroke(&mut first);
+    let (scene, paint) = {
+        let document = &editor(&first).document;
+        (document.scene.clone(), document.paint.clone().expect("paint"))
+    };
+    // Another process at the same time is offered nothing, and keeps its own.
+    let mut beside = keeping(Document::new(small(), None), &state);
+    assert!(beside.query_by_label("Recover scene.toml").is_none(), "the first still lives");
+    exposed(&mut beside, 3.0);
+    until(&mut beside, "a set for each", |_| sets(&state).len() == 2);
+    let work = |set: &PathBuf| set.join("work.json").is_file();
+    until(&mut beside, "both are whole", |_| sets(&state).iter().all(work));
+    beside.step();
+    click_close_throwing_away(&mut beside);
+    drop(beside);
+    assert_eq!(sets(&state).len(), 1, "a clean close leaves nothing");
+
+    // The end of a process that was killed: what it kept is all there is.
+    drop(first);
+    let mut second = keeping(Document::new(small(), None), &state);
+    look(&mut second, "recover.png");
+    click(&mut second, "Later");
+    assert!(second.query_by_label("Recover scene.toml").is_none());
+    drop(second);
+    let mut third = keeping(Document::new(small(), None), &state);
+    click(&mut third, "Recover scene.toml");
+    until(&mut third, "recovered", |window| editor(window).document.path.is_some());
+    seen(&mut third);
+    let document = &editor(&third).document;
+    assert!(document.scene == scene);
+    assert!(document.paint.as_deref() == Some(&*paint), "the same paint");
+    assert_eq!(document.path.as_deref(), Some(path.as_path()));
+    assert!(document.changed());
+
+    // It dies once more before anything was done.
+    drop(third);
+    let mut fourth = keeping(Document::new(small(), None), &state);
+    click(&mut fourth, "Recover scene.toml");
+    until(&mut fourth, "recovered", |window| editor(window).document.path.is_some());
+    seen(&mut fourth);
+    key(&mut fourth, Modifiers::COMMAND, Key::S);
+    fourth.step();
+    assert!(!editor(&fourth).document.changed(), "{}", message(&fourth));
+    assert_eq!(Document::open(&path).unwrap().scene.environment.exposure, 0.5);
+    assert!(path.with_extension("paint").is_file());
+    drop(fourth);
+    // The control: what is saved is not offered.
+    assert!(sets(&state).is_empty());
+    let fifth = keeping(Document::open(&path).unwrap(), &state);
+    assert!(fifth.query_by_label("Recover scene.toml").is_none());
+    assert!(fifth.query_by_label("Later").is_none());
+}
+
+fn click_close_throwing_away(window: &mut Window) {
+    assert!(!closes(window));
+    click(window, "Throw away");
+    assert!(closes(window));
+}
+
+#[test]
+fn work_that_cannot_be_kept_or_recovered_is_said() {
+    let folder = tempdir().unwrap();
+    let state = folder.path().join("state");
+    std::fs::write(&state, "a file where the folder should be").unwrap();
+    let mut window = keeping(Document::new(small(), None), &state);
+    exposed(&mut window, 1.0);
+    until(&mut window, "said", |window| message(window).contains("is not kept"));
+    assert!(message(&window).contains("state/unsaved"), "{}", message(&window));
+    std::fs::remove_file(&state).unwrap();
+    exposed(&mut window, 2.0);
+    until(&mut window, "kept", |_| sets(&state).iter().any(|set| set.join("work.json").is_file()));
+    drop(window);
+    std::fs::write(sets(&state)[0].join("work.json"), "{ cut short").unwrap();
+    let mut window = keeping(Document::new(small(), None), &state);
+    click(&mut window, "Recover untitled");
+    until(&mut window, "said", |window| message(window).contains("work.json"));
+    click(&mut window, "Throw away untitled");
+    assert!(sets(&state).is_empty());
+}
+
+#[test]
+fn recent_files_are_offered_newest_first() {
+    let folder = tempdir().unwrap();
+    let state = folder.path().join("state");
+    let path = |k: usize| folder.path().join(format!("scene-{k}.toml"));
+    for k in 0..13 {
+        let mut scene = small();
+        scene.fibre.eta = 1.5 + 0.01 * k as f64;
+        std::fs::write(path(k), scene.to_toml()).unwrap();
+    }
+    let mut first = keeping(Document::open(&path(0)).unwrap(), &state);
+    for k in (1..13).chain([5]) {
+        first.state_mut().as_mut().unwrap().open(&path(k));
+    }
+    first.step();
+    drop(first);
+    std::fs::remove_file(path(9)).unwrap();
+    let mut second = keeping(Document::new(small(), None), &state);
+    let name = |k: usize| path(k).to_string_lossy().into_owned();
+    click(&mut second, "File");
+    click(&mut second, "Open recent");
+    let y = |k: usize| second.query_by_label(&name(k)).map(|node| node.rect().min.y);
+    let shown: Vec<f32> = [5, 12, 11, 10, 8, 7, 6, 4, 3].map(|k| y(k).expect("offered")).into();
+    assert!(shown.is_sorted(), "{shown:?}");
+    assert!(y(9).is_none() && y(2).is_none(), "gone, and too long ago");
+    look(&mut second, "recent.png");
+    click(&mut second, &name(11));
+    assert_eq!(editor(&second).document.path, Some(path(11)));
+    drop(second);
+    // What is damaged is ignored, and whole again after the next file.
+    let list = state.join("recent.json");
+    assert!(std::fs::read_to_string(&list).unwrap().starts_with(&format!("[\"{}\"", name(11))));
+    std::fs::write(&list, "[\"cut sh").unwrap();
+    let third = keeping(Document::open(&path(3)).unwrap(), &state);
+    assert_eq!(message(&third), "");
+    assert_eq!(std::fs::read_to_string(&list).unwrap(), format!("[\"{}\"]", name(3)));
+}
+
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        Err("the editor reads files by their paths".to_owned())
+    }
+}
+
+#[test]
+fn dropped_files_are_opened() {
+    let folder = tempdir().unwrap();
+    crate::frames::write_tuft(folder.path());
+    crate::frames::write_unit_map(folder.path());
+    let mut scene = small();
+    scene.fibre.eta = 1.7;
+    let toml = folder.path().join("dropped.toml");
+    std::fs::write(&toml, scene.to_toml()).unwrap();
+    let bad = folder.path().join("notes.txt");
+    std::fs::write(&bad, "no scene at all").unwrap();
+    let mut window = window(Document::new(small(), None));
+    let bob = picture(&window);
+    let drop_on = |window: &mut Window, path: &Path| {
+        window.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
+        window.run_steps(4);
+    };
+    let hair = folder.path().join("strands.hair");
+    drop_on(&mut window, &hair);
+    assert_eq!(editor(&window).document.scene.hair.source, hair.to_string_lossy());
+    seen(&mut window);
+    let tuft = picture(&window);
+    assert!(tuft != bob, "other hair is seen");
+    let map = folder.path().join("unit.exr");
+    drop_on(&mut window, &map);
+    assert_eq!(editor(&window).document.scene.environment.source, map.to_string_lossy());
+    seen(&mut window);
+    assert!(picture(&window) != tuft, "other light is seen");
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    assert!(!editor(&window).document.changed(), "both are steps of the history");
+    drop_on(&mut window, &bad);
+    assert!(message(&window).contains("notes.txt"), "{}", message(&window));
+    assert_eq!(editor(&window).document.path, None);
+    drop_on(&mut window, &toml);
+    assert_eq!(editor(&window).document.path, Some(toml.clone()));
+    assert_eq!(editor(&window).document.scene.fibre.eta, 1.7);
+    seen(&mut window);
+    // Unsaved work is asked for first.
+    exposed(&mut window, 1.0);
+    let other = folder.path().join("other.toml");
+    std::fs::write(&other, small().to_toml()).unwrap();
+    drop_on(&mut window, &other);
+    assert_eq!(editor(&window).document.path, Some(toml));
+    click(&mut window, "Throw away");
+    assert_eq!(editor(&window).document.path, Some(other));
+}
+
+#[test]
+fn a_lost_device_is_opened_anew() {
+    let said = Mutex::new(Vec::new());
+    let shown: Mutex<Vec<u8>> = Mutex::default();
+    let say = |what: Said| match what {
+        Said::Picture(picture) => *shown.lock().unwrap() = picture.rgba,
+        Said::Failed(line) => said.lock().unwrap().push(line),
+        _ => {}
+    };
+    let mut session = Session::default();
+    let mut wish = Wish::new(small(), [64, 64]);
+    assert!(session.see(&wish, &|| true, &say).unwrap());
+    // The control: a device that is there is kept.
+    wish.scene.environment.exposure = 0.5;
+    assert!(session.see(&wish, &|| true, &say).unwrap());
+    assert_eq!(*said.lock().unwrap(), Vec::<String>::new());
+    session.gpu().unwrap().device.destroy();
+    wish.scene.environment.exposure = 1.0;
+    assert!(session.see(&wish, &|| true, &say).unwrap());
+    assert_eq!(*said.lock().unwrap(), ["the graphics device was lost: another one is opened"]);
+    let anew = std::mem::take(&mut *shown.lock().unwrap());
+    Session::default().see(&wish, &|| true, &say).unwrap();
+    assert!(anew == *shown.lock().unwrap(), "the same picture");
+    // One that is lost while it works, between two groups of lights.
+    let asked = AtomicUsize::new(0);
+    let device = session.gpu().unwrap().device.clone();
+    wish.scene.fibre.beta_r_deg = 12.0;
+    let lose = || {
+        if asked.fetch_add(1, Ordering::Relaxed) == 1 {
+            device.destroy();
+        }
+        true
+    };
+    assert!(session.see(&wish, &lose, &say).unwrap());
+    assert_eq!(said.lock().unwrap().len(), 2);
+}
+
+#[test]
+fn a_window_without_room_asks_for_no_picture() {
+    let mut window = window(Document::new(small(), None));
+    let before = picture(&window);
+    for size in [Vec2::ZERO, Vec2::splat(1.0), Vec2::new(200.0, 20.0), Vec2::new(20.0, 300.0)] {
+        window.set_size(size);
+        window.run_steps(3);
+        key(&mut window, Modifiers::NONE, Key::F);
+        assert_eq!(message(&window), "", "{size:?}");
+    }
+    window.set_size(Vec2::new(860.0, 420.0));
+    seen(&mut window);
+    assert!(picture(&window) == before);
+}
+
+#[test]
+fn a_file_that_vanishes_is_named_and_the_last_picture_stays() {
+    let folder = tempdir().unwrap();
+    crate::frames::write_tuft(folder.path());
+    crate::frames::write_unit_map(folder.path());
+    let mut scene = small();
+    let paths = ["strands.hair", "unit.exr"].map(|name| folder.path().join(name));
+    [scene.hair.source, scene.environment.source] =
+        [0, 1].map(|k| paths[k].to_string_lossy().into_owned());
+    let mut window = window(Document::new(scene.clone(), None));
+    let both = picture(&window);
+    for (path, key) in
+        paths.iter().zip(["hair.source=builtin:bob", "environment.source=builtin:studio"])
+    {
+        let document = |window: &mut Window, to: &str| {
+            let assignment = hairlight::scene::parse_assignment(to).unwrap();
+            let editor = window.state_mut().as_mut().unwrap();
+            editor.document.scene.apply(vec![assignment]).unwrap();
+            window.step();
+        };
+        document(&mut window, key);
+        seen(&mut window);
+        let other = picture(&window);
+        assert!(other != both);
+        let aside = path.with_extension("aside");
+        std::fs::rename(path, &aside).unwrap();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let back = format!("{}={}", key.split('=').next().unwrap(), path.display());
+        document(&mut window, &back);
+        until(&mut window, "said", |window| message(window).contains(&name));
+        assert!(picture(&window) == other, "the last good one stays");
+        // There again, it is opened again.
+        std::fs::rename(&aside, path).unwrap();
+        document(&mut window, key);
+        document(&mut window, &back);
+        seen(&mut window);
+        assert!(picture(&window) == both);
+    }
+}
+
+#[test]
+fn what_cannot_be_written_leaves_what_there_was() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, "as it was").unwrap();
+    let full = |file: &mut std::fs::File| -> anyhow::Result<()> {
+        std::io::Write::write_all(file, b"half of it")?;
+        Err(std::io::Error::from(std::io::ErrorKind::StorageFull).into())
+    };
+    let line = format!("{:#}", hairlight::file::write_whole(&path, full).unwrap_err());
+    assert!(line.contains("scene.toml: cannot be written") && !line.contains('\n'), "{line}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "as it was");
+    let names = || std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(names(), 1, "nothing half written");
+
+    // Of a scene and its paint, neither is replaced where one cannot be.
+    let stage = Geometry::load(&small()).unwrap();
+    let mut document = Document::new(small(), None);
+    document.begin_paint(Paint::bare(stage.hair.points.len()));
+    std::fs::create_dir(path.with_extension("paint")).unwrap();
+    document.scene.fibre.eta = 1.7;
+    let line = format!("{:#}", document.save(&path, Some(&stage.hair)).unwrap_err());
+    assert!(line.contains("scene.toml") && line.contains("scene.paint"), "{line}");
+    assert!(document.changed());
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "as it was");
+    let long = folder.path().join("n".repeat(300)).with_extension("toml");
+    let line = format!("{:#}", document.save(&long, Some(&stage.hair)).unwrap_err());
+    assert!(line.contains("nnn") && line.contains("cannot be written"), "{line}");
+    let over = folder.path().join("over.paint");
+    assert!(document.save(&over, Some(&stage.hair)).is_err(), "the paint's own name");
+    assert!(document.changed() && names() == 2);
+    // The control: where both can be, both are.
+    std::fs::remove_dir(path.with_extension("paint")).unwrap();
+    document.save(&path, Some(&stage.hair)).unwrap();
+    assert!(!document.changed() && path.with_extension("paint").is_file());
+    assert_eq!(Document::open(&path).unwrap().scene.fibre.eta, 1.7);
+}
+
+#[test]
+fn a_picture_is_saved_as_capture_makes_it() {
+    let folder = tempdir().unwrap();
+    let mut scene = small();
+    scene.environment.exposure = 1.0;
+    let mut window = window(Document::new(scene, None));
+    stroke(&mut window);
+    let save = |window: &mut Window, name: &str, clear: bool| {
+        click(window, "File");
+        click(window, "Save picture…");
+        if clear {
+            click(window, "Transparent background");
+            look(window, "save-picture.png");
+        }
+        type_path(window, &folder.path().join(name));
+        if clear {
+            // Behind the interface, which goes on.
+            until(window, "under way", |window| window.query_by_label("Cancel saving").is_some());
+            look(window, "saving.png");
+        }
+        until(window, "saved", |window| message(window).contains(name));
+        assert!(message(window).starts_with("Saved"), "{}", message(window));
+    };
+    save(&mut window, "shown.png", false);
+    save(&mut window, "clear.png", true);
+    save(&mut window, "shown.exr", false);
+    let editor = window.state_mut().as_mut().unwrap();
+    editor.document.scene.output.path = "frame.png".to_owned();
+    key(&mut window, Modifiers::COMMAND, Key::S);
+    type_path(&mut window, &folder.path().join("scene.toml"));
+    assert!(!self::editor(&window).document.changed(), "{}", message(&window));
+    let png = |name: &str| image::open(folder.path().join(name)).unwrap().into_rgba8();
+    crate::frames::captured(folder.path(), &["scene.toml", "-o", "frame.png"]);
+    crate::frames::captured(
+        folder.path(),
+        &["scene.toml", "-o", "frame-clear.png", "--background", "transparent"],
+    );
+    crate::frames::captured(folder.path(), &["scene.toml", "-o", "frame.exr"]);
+    for name in ["shown.png", "clear.png"] {
+        let frame = name.replace("shown", "frame").replace("clear", "frame-clear");
+        assert_eq!(png(name).dimensions(), (96, 96));
+        let (most, _) = apart(png(name).as_raw(), png(&frame).as_raw());
+        println!("{name}: greatest difference {most}");
+        assert!(most <= 1, "{name}: {most}");
+    }
+    assert!(apart(png("shown.png").as_raw(), png("clear.png").as_raw()).1 > 0.1, "the control");
+    let planes = |name: &str| {
+        exr::prelude::read_first_flat_layer_from_file(folder.path().join(name)).unwrap().layer_data
+    };
+    assert!(planes("shown.exr").channel_data == planes("frame.exr").channel_data);
+
+    // What cannot be saved is said; what is given up leaves nothing.
+    click(&mut window, "File");
+    click(&mut window, "Save picture…");
+    type_path(&mut window, &folder.path().join("picture.jpg"));
+    until(&mut window, "said", |window| message(window).contains("picture.jpg"));
+    click(&mut window, "File");
+    click(&mut window, "Save picture…");
+    type_path(&mut window, &folder.path().join("given-up.png"));
+    click(&mut window, "Cancel saving");
+    assert_eq!(message(&window), "The picture was not saved");
+    seen(&mut window);
+    assert!(!folder.path().join("given-up.png").exists());
+
+    key(&mut window, Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::C);
+    let copied =
+        window.output().platform_output.commands.iter().find_map(|command| match command {
+            egui::OutputCommand::CopyImage(image) => Some(image.size),
+            _ => None,
+        });
+    let size = self::editor(&window).picture().unwrap().size.map(|s| s as usize);
+    assert_eq!(copied, Some(size), "{}", message(&window));
+}
