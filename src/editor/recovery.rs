@@ -1,7 +1,8 @@
 //! Unsaved work that outlives its process: kept while there is any, offered at the next start.
 //!
-//! `STATE/unsaved/` has a folder for each process with unsaved work, whose `lock` is held as long as the process lives. `work.json`
-//! says the scene and names the paint that goes with it; it is written last, so that the two always belong together.
+//! `STATE/unsaved/` has a folder for each process with unsaved work, whose `lock` is held as long as the process lives.
+//! `work.json` says the scene and names the paint that goes with it; it is written last, so that the two always belong
+//! together.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -163,7 +164,7 @@ impl Set {
 }
 
 enum Order {
-    Keep(Work, Option<Arc<Geometry>>),
+    Keep(Box<Work>, Option<Arc<Geometry>>),
     Adopt(Set),
     Forget,
 }
@@ -218,7 +219,7 @@ impl Keeper {
 
     /// Keeps work in place of what was kept before; paint needs the geometry that it is on.
     pub fn keep(&self, work: Work, stage: Option<Arc<Geometry>>) {
-        self.order(Order::Keep(work, stage));
+        self.order(Order::Keep(Box::new(work), stage));
     }
 
     /// Takes what another process has left for this one's, in place of what was kept before.

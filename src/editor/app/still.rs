@@ -33,8 +33,8 @@ impl Drop for Saving {
     }
 }
 
-/// Size, samples and background of a picture of `scene`; `own` is what the scene itself has, `window` the size of the picture
-/// that is shown.
+/// Size, samples and background of a picture of `scene`; `own` is what the scene itself has, `window` the size of the
+/// picture that is shown.
 pub(super) fn picture_fields(
     ui: &mut Ui,
     scene: &mut Scene,
