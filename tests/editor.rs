@@ -201,7 +201,8 @@ fn the_truth_stands_beside_the_frame() {
     let mut scene = small();
     scene.environment.exposure = 0.5;
     scene.environment.rotation_deg = 30.0;
-    let mut window = window(Document::new(scene.clone(), None));
+    // As high as all that is to be clicked.
+    let mut window = window_of(Document::new(scene.clone(), None), [860.0, 900.0]);
     key(&mut window, Modifiers::NONE, Key::R);
     let judged = |window: &mut Window, samples: u32| {
         let begun = Instant::now();

@@ -64,6 +64,7 @@ impl Editor {
                     self.turning = turning.then(Instant::now);
                 }
                 ui.separator();
+                ui.menu_button("Interface size", egui::gui_zoom::zoom_menu_buttons);
                 egui::widgets::global_theme_preference_buttons(ui);
             });
             if ui.button("?").on_hover_text("Shortcuts").clicked() {

@@ -207,6 +207,7 @@ impl Editor {
                 match &truth.said {
                     Some(Ok(traced)) => errors(ui, traced),
                     Some(Err(line)) => _ = ui.colored_label(ui.visuals().error_fg_color, line),
+                    None if truth.measuring.is_some() => {}
                     None => _ = ui.weak("once the frame is finished"),
                 }
             }
