@@ -220,6 +220,8 @@ fn work_that_cannot_be_kept_or_recovered_is_said() {
     let mut window = keeping(Document::new(small(), None), &state);
     click(&mut window, "Recover untitled");
     until(&mut window, "said", |window| message(window).contains("work.json"));
+    // It is asked again.
+    window.run_steps(3);
     click(&mut window, "Throw away untitled");
     assert!(sets(&state).is_empty());
 }
