@@ -362,6 +362,7 @@ impl Session {
         say(Said::Geometry(from.0.clone(), stage.clone()));
         self.body = Some(Made { from, it: body });
         (self.coarse, self.fine) = (None, None);
+        self.seen.clear();
         self.method = None;
         self.field = None;
         self.hurry_ready = None;
