@@ -1,7 +1,6 @@
 //! Light in hair: lights brought through strands, and light between them; what frames are shaded with.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Result, bail};
 use glam::Vec3;
@@ -131,10 +130,7 @@ impl Medium {
         let occluders = Occluders { volume: &self.volume, head: stage.head.as_ref() };
         let points: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
         let to = Places { points: &points, beyond: self.grid.is_some(), ..to };
-        let done = AtomicUsize::new(0);
-        let transport = transport(&occluders, lights, &to, &|| {
-            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / lights.len() as f32)
-        });
+        let transport = transport(&occluders, lights, &to, progress);
         transport.map_or_else(|| bail!("cancelled"), Ok)
     }
 
@@ -236,8 +232,39 @@ impl LitHair {
 
     /// Sets a method, these lights, and a field of theirs.
     pub fn show(&self, renderer: &mut Renderer, method: &MethodData, field: Option<&Field>) {
+        let reach = self.brought.iter().map(|brought| &brought.reach[..]).collect();
+        self.show_with(renderer, method, field, &self.points, reach);
+    }
+
+    /// The same at some of the points that they were brought to.
+    pub fn show_some(
+        &self,
+        renderer: &mut Renderer,
+        method: &MethodData,
+        field: Option<&Field>,
+        points: &[u32],
+    ) {
+        let most = self.points.iter().max().map_or(0, |&most| most as usize + 1);
+        let mut places = vec![0; most];
+        (0..).zip(&self.points).for_each(|(place, &point)| places[point as usize] = place);
+        let places: Vec<usize> = points.iter().map(|&point| places[point as usize]).collect();
+        let of_light =
+            |brought: &Brought| places.iter().map(|&place| brought.reach[place]).collect();
+        let reach: Vec<Vec<u32>> = self.brought.par_iter().map(of_light).collect();
+        let reach = reach.iter().map(|reach| &reach[..]).collect();
+        self.show_with(renderer, method, field, points, reach);
+    }
+
+    fn show_with(
+        &self,
+        renderer: &mut Renderer,
+        method: &MethodData,
+        field: Option<&Field>,
+        points: &[u32],
+        reach: Vec<&[u32]>,
+    ) {
         renderer.set_method(method);
-        self.show_at(renderer, &self.points, self.brought.iter().map(|b| &b.reach[..]).collect());
+        self.show_at(renderer, points, reach);
         match field {
             Some(field) => renderer.set_field(field),
             None => renderer.clear_field(),

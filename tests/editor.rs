@@ -536,7 +536,12 @@ fn by_hand_latency() {
                 }
             };
             session.see(wish, &|| true, &say).unwrap();
-            println!("{name}, {what}: {}", said.into_inner().unwrap().join("; "));
+            let (begun, spent) = (Instant::now(), cpu_ms());
+            if !wish.moving {
+                session.foresee(&|| true);
+            }
+            let foreseen = format!("{} ms [{:.0}]", begun.elapsed().as_millis(), cpu_ms() - spent);
+            println!("{name}, {what}, then {foreseen}: {}", said.into_inner().unwrap().join("; "));
         };
         see("opened", &wish);
         let turned = |wish: &mut Wish, degrees: f64| {

@@ -129,7 +129,7 @@ impl Slab {
         let size = cell * Vec3::from(dims.map(|n| n as f32));
         let margin = Vec3::splat(cell * MARGIN as f32);
         Slab {
-            volume: Volume { origin, cell, dims, cells },
+            volume: Volume::new(origin, cell, dims, cells),
             low: origin + margin,
             high: origin + size - margin,
         }
@@ -305,8 +305,8 @@ fn cancelled_transport_is_none() {
     let occluders = Occluders { volume: &volume, head: None };
     let lights = [light(Vec3::Y, 0.5), light(Vec3::X, 0.1)];
     let to = Places { points: &[Vec3::ZERO], samples: &[Vec3::ONE; 2], head: true, beyond: true };
-    assert!(transport(&occluders, &lights, &to, &|| false).is_none());
-    let done = transport(&occluders, &lights, &to, &|| true).unwrap();
+    assert!(transport(&occluders, &lights, &to, &|_| false).is_none());
+    let done = transport(&occluders, &lights, &to, &|_| true).unwrap();
     assert_eq!(done.len(), 2);
     for brought in done {
         let found = (brought.reach.len(), brought.samples.len(), brought.head.len());

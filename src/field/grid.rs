@@ -66,7 +66,7 @@ impl Grid {
             let [x, y, z] = (heap.tensor * others).to_cols_array_2d();
             [x[0], y[1], z[2], x[1], x[2], y[2]]
         });
-        let volume = Volume { cells: tensors.collect(), ..empty };
+        let volume = Volume::new(empty.origin, cell, dims, tensors.collect());
         let head = inside_head(&volume, occluders);
         let has_hair = |heap: &Heap| heap.eighths.iter().any(|eighth| eighth.0 > 0.0);
         let hairy: Vec<u32> = (0..heaps.len())

@@ -93,11 +93,25 @@ pub struct Frame {
     pub passes: BTreeMap<&'static str, f64>,
 }
 
+/// What a camera sees. Frames of it in other light and with other fibres rasterise nothing.
+pub struct Sight {
+    lens: Lens,
+    sampling: Sampling,
+    work: Work,
+    /// Strand points that its frames need, each once.
+    pub points: Vec<u32>,
+    /// GPU milliseconds that it took, as [`Frame::passes`], of which they are a part.
+    passes: BTreeMap<&'static str, f64>,
+}
+
 /// A light is left out at a point where less than this share of a fair part of the unshadowed irradiance
 /// arrives from it, and a lobe of the fibre where less comes through it. What that leaves out of a frame, and of the
 /// lobes joined with lights: on the builtin bob 0.06 % (relative L2) for a third fewer under studio, 0.02 % for a
 /// quarter under sunset, 0.06 % for 45 % under night. 1e-2 would leave out 1.0, 0.4 and 0.8 % for 61, 48 and 71 %.
 pub const NEGLIGIBLE: f64 = 1e-3;
+
+/// Points that are shaded between two looks at whether to go on: 0.1 s on two cores.
+const POINTS_A_LOOK: u32 = 4096;
 
 /// Slot of a point whose reach is not known (shaders/shade.wgsl).
 const NO_SLOT: u32 = u32::MAX;
@@ -175,19 +189,18 @@ pub struct Renderer {
     /// Strand of every point; of so many strands one is drawn, as much wider.
     strand_of: Vec<u32>,
     thinning: u32,
-    /// Those that are drawn, and their number.
-    segment_count: u32,
     strand_points: wgpu::Buffer,
-    segments: wgpu::Buffer,
-    indices: RibbonIndices,
+    /// First points of the segments that are to be drawn, and the straight pieces of each.
+    drawn: Vec<u32>,
+    pieces: u32,
+    /// The same on the GPU; None until they are next drawn.
+    ribbons: Option<Ribbons>,
     head_positions: wgpu::Buffer,
     head_corners: wgpu::Buffer,
     head_corner_count: u32,
     head_radiance: wgpu::Buffer,
     /// [`NEGLIGIBLE`], or 0 to leave nothing out; for the lights that are set from now on.
     pub negligible: f64,
-    /// Lights that a submission sums at most; for the reach that is set from now on.
-    pub lights_a_group: usize,
     lights: wgpu::Buffer,
     groups: Vec<LightGroup>,
     /// Place of each point's reach, or [`NO_SLOT`].
@@ -232,7 +245,6 @@ impl Renderer {
             .collect();
         let device = &gpu.device;
         let strand_points = strand_points(device, stage);
-        let segment_buffer = storage(device, "segments", bytemuck::cast_slice(&segments));
         let (positions, corners): (Vec<Vec4>, Vec<u32>) =
             head.as_ref().map_or(Default::default(), |head| {
                 let positions = head.positions.iter().map(|&p| (p - center).extend(1.0)).collect();
@@ -242,23 +254,21 @@ impl Renderer {
         let head_corners = storage(device, "head corners", bytemuck::cast_slice(&corners));
         let dark = vec![Vec4::ZERO; positions.len()];
         let head_radiance = storage(device, "head radiance", bytemuck::cast_slice(&dark));
-        let indices = RibbonIndices::new(device, segments.len() as u32, 1);
         let fixed = Fixed::new(device, &gpu.shaders, !corners.is_empty());
         Ok(Renderer {
             points,
             center,
-            segment_count: segments.len() as u32,
+            drawn: segments.clone(),
+            pieces: 1,
+            ribbons: None,
             every_segment: segments,
             strand_of,
             strand_points,
-            segments: segment_buffer,
-            indices,
             head_positions,
             head_corners,
             head_corner_count: corners.len() as u32,
             head_radiance,
             negligible: NEGLIGIBLE,
-            lights_a_group: usize::MAX,
             thinning: 1,
             lights: storage(device, "lights", &[]),
             groups: Vec::new(),
@@ -318,12 +328,16 @@ impl Renderer {
     fn draw_segments(&mut self, pieces: u32, keep: impl Fn(usize) -> bool) {
         let there =
             |first: usize| self.strand_of[first].is_multiple_of(self.thinning) && keep(first);
-        let drawn: Vec<u32> =
+        self.drawn =
             self.every_segment.iter().copied().filter(|&first| there(first as usize)).collect();
-        let device = &self.gpu.device;
-        self.segments = storage(device, "segments", bytemuck::cast_slice(&drawn));
-        self.segment_count = drawn.len() as u32;
-        self.indices = RibbonIndices::new(device, self.segment_count, pieces);
+        self.pieces = pieces;
+        self.ribbons = None;
+    }
+
+    fn make_ribbons(&mut self) {
+        if self.ribbons.is_none() {
+            self.ribbons = Some(Ribbons::new(&self.gpu.device, &self.drawn, self.pieces));
+        }
     }
 
     /// The strand points that frames through `lenses`, of one size, need, each once. From now on segments are
@@ -334,6 +348,15 @@ impl Renderer {
         pieces: u32,
         samples: u32,
     ) -> Result<Vec<u32>> {
+        self.look_through(lenses, pieces, samples)?.0.listed(&self.gpu)
+    }
+
+    fn look_through(
+        &mut self,
+        lenses: &[Lens],
+        pieces: u32,
+        samples: u32,
+    ) -> Result<(Work, Sampling, PassTimer)> {
         self.draw_segments(pieces, |_| true);
         let size = lenses.first().map_or([1; 2], |lens| lens.size);
         let (work, sampling) = self.begin(size, samples)?;
@@ -347,7 +370,67 @@ impl Renderer {
                 self.gpu.queue.submit([encoder.finish()]);
             }
         }
-        work.listed(&self.gpu)
+        Ok((work, sampling, timer))
+    }
+
+    /// What is seen through `lens`, segments in `pieces` straight pieces (`hair::pieces`).
+    pub fn look(&mut self, lens: &Lens, pieces: u32, samples: u32) -> Result<Sight> {
+        let (work, sampling, timer) = self.look_through(&[*lens], pieces, samples)?;
+        let (points, passes) = (work.listed(&self.gpu)?, timer.read(&self.gpu)?);
+        Ok(Sight { lens: *lens, sampling, work, points, passes })
+    }
+
+    /// The frame of what `sight` saw, in the light that is set at its points, as [`Self::render`] makes it. `go_on` is
+    /// asked every [`POINTS_A_LOOK`] points, and None is a frame that was given up.
+    pub fn render_seen(
+        &mut self,
+        sight: &Sight,
+        background: Background,
+        parts: Parts,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Frame>> {
+        let Sight { lens, sampling, work, points, passes } = sight;
+        self.make_ribbons();
+        let shading = self.shading(parts, false);
+        let shade = self.shading_groups(&self.shading[shading], lens, parts, work);
+        let mut timer = PassTimer::new(&self.gpu);
+        let count = points.len() as u32;
+        for first in (0..count).step_by(POINTS_A_LOOK as usize) {
+            if !go_on() {
+                return Ok(None);
+            }
+            let end = count.min(first + POINTS_A_LOOK);
+            // `count` and `shaded` of shaders/mark.wgsl.
+            self.gpu.queue.write_buffer(&work.needed, 0, bytemuck::cast_slice(&[end, first]));
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            let dispatch = Dispatch::Points(end - first);
+            self.shading[shading].run(&mut encoder, &mut timer, &shade, work, dispatch);
+            self.gpu.queue.submit([encoder.finish()]);
+            self.gpu.wait()?;
+        }
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        encoder.clear_buffer(&work.sum, 0, None);
+        encoder.clear_buffer(&work.hair_sum, 0, None);
+        for pass in 0..sampling.passes {
+            let view = self.view(lens, background, *sampling, pass);
+            // What one pass saw is there still.
+            if sampling.passes > 1 {
+                self.raster(&mut encoder, timer.render("raster"), work, &view);
+            }
+            self.resolve(&mut encoder, &mut timer, work, &view);
+            if pass + 1 == sampling.passes {
+                self.backdrop(&mut encoder, &mut timer, work, &view);
+            }
+            self.gpu.queue.submit([encoder.finish()]);
+            encoder = self.gpu.device.create_command_encoder(&Default::default());
+        }
+        let (pixels, hair_coverage) = (self.gpu.read(&work.sum)?, self.gpu.read(&work.hair_sum)?);
+        let mut all = passes.clone();
+        for (name, ms) in timer.read(&self.gpu)? {
+            *all.entry(name).or_default() += ms;
+        }
+        let shaded = points.clone();
+        Ok(Some(Frame { size: lens.size, pixels, hair_coverage, shaded, passes: all }))
     }
 
     /// Sets the lights (world frame, exposure included) and their packed reach at `points`:
@@ -387,13 +470,13 @@ impl Renderer {
         }
         self.slots = storage(device, "slots", bytemuck::cast_slice(&slots));
         self.slot_count = points.len() as u32;
-        self.draw_segments(self.indices.pieces, |first| {
+        self.draw_segments(self.pieces, |first| {
             slots[first] != NO_SLOT && slots[first + 1] != NO_SLOT
         });
         let device = &self.gpu.device;
         let limit = device.limits().max_storage_buffer_binding_size;
         let per_group = (limit / (4 * points.len().max(1) as u64)).max(1) as usize;
-        let per_group = per_group.min(self.method.lights_a_pass()).min(self.lights_a_group.max(1));
+        let per_group = per_group.min(self.method.lights_a_pass());
         self.groups = reach
             .chunks(per_group)
             .enumerate()
@@ -499,73 +582,27 @@ impl Renderer {
         background: Background,
         parts: Parts,
     ) -> Result<Frame> {
-        let frame = self.render_while(lens, samples, background, parts, None)?;
-        frame.ok_or_else(|| unreachable!("nothing stops it"))
-    }
-
-    /// [`Self::render`] while `go_on` says so, asked between submissions of [`Self::lights_a_group`] lights; None
-    /// where it was given up.
-    pub fn render_while(
-        &mut self,
-        lens: &Lens,
-        samples: u32,
-        background: Background,
-        parts: Parts,
-        go_on: Option<&dyn Fn() -> bool>,
-    ) -> Result<Option<Frame>> {
         let size = lens.size;
         let (work, sampling) = self.begin(size, samples)?;
         let mark = self.mark_groups(&work);
         let end = self.bind_at(&self.fixed.end, &[buffer(2, &work.needed)]);
         let shading = self.shading(parts, false);
         let shade = self.shading_groups(&self.shading[shading], lens, parts, &work);
-        let tiles = size.map(|s| s.div_ceil(8));
         let mut timer = PassTimer::new(&self.gpu);
         for pass in 0..sampling.passes {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
             let view = self.view(lens, background, sampling, pass);
             self.find(&mut encoder, &mut timer, &work, &mark, &view);
-            for group in shade.chunks(if go_on.is_some() { 1 } else { shade.len().max(1) }) {
-                if let Some(go_on) = go_on {
-                    self.gpu.queue.submit([encoder.finish()]);
-                    self.gpu.wait()?;
-                    if !go_on() {
-                        return Ok(None);
-                    }
-                    encoder = self.gpu.device.create_command_encoder(&Default::default());
-                }
-                self.shading[shading].run(&mut encoder, &mut timer, group, &work);
-            }
+            self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, Dispatch::Planned);
             {
-                let resolve = self.bind_at(
-                    &self.fixed.resolve,
-                    &[
-                        buffer(0, &view),
-                        texture(1, &work.visibility),
-                        buffer(2, &work.radiance),
-                        buffer(3, &self.head_radiance),
-                        buffer(4, &self.head_corners),
-                        buffer(6, &work.sum),
-                        buffer(7, &work.hair_sum),
-                    ],
-                );
-                let mut compute = begin(&mut encoder, "resolve", timer.compute("resolve"));
+                let mut compute = begin(&mut encoder, "end", None);
                 compute.set_pipeline(&self.fixed.end);
                 compute.set_bind_group(0, &end, &[]);
                 compute.dispatch_workgroups(1, 1, 1);
-                compute.set_pipeline(&self.fixed.resolve);
-                compute.set_bind_group(0, &resolve, &[]);
-                compute.dispatch_workgroups(tiles[0], tiles[1], 1);
             }
+            self.resolve(&mut encoder, &mut timer, &work, &view);
             if pass + 1 == sampling.passes {
-                let backdrop = self.bind_at(
-                    &self.fixed.backdrop,
-                    &[buffer(0, &view), texture(5, &self.environment), buffer(6, &work.sum)],
-                );
-                let mut compute = begin(&mut encoder, "backdrop", timer.compute("backdrop"));
-                compute.set_pipeline(&self.fixed.backdrop);
-                compute.set_bind_group(0, &backdrop, &[]);
-                compute.dispatch_workgroups(tiles[0], tiles[1], 1);
+                self.backdrop(&mut encoder, &mut timer, &work, &view);
             }
             self.gpu.queue.submit([encoder.finish()]);
         }
@@ -573,7 +610,60 @@ impl Renderer {
         let hair_coverage = self.gpu.read(&work.hair_sum)?;
         let shaded = work.listed(&self.gpu)?;
         let passes = timer.read(&self.gpu)?;
-        Ok(Some(Frame { size, pixels, hair_coverage, shaded, passes }))
+        Ok(Frame { size, pixels, hair_coverage, shaded, passes })
+    }
+
+    /// Adds a pass's share of each pixel.
+    fn resolve(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut PassTimer,
+        work: &Work,
+        view: &wgpu::Buffer,
+    ) {
+        let resolve = self.bind_at(
+            &self.fixed.resolve,
+            &[
+                buffer(0, view),
+                texture(1, &work.visibility),
+                buffer(2, &work.radiance),
+                buffer(3, &self.head_radiance),
+                buffer(4, &self.head_corners),
+                buffer(6, &work.sum),
+                buffer(7, &work.hair_sum),
+            ],
+        );
+        self.over_pixels(encoder, timer, work, "resolve", (&self.fixed.resolve, &resolve));
+    }
+
+    /// Puts the background behind all passes.
+    fn backdrop(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut PassTimer,
+        work: &Work,
+        view: &wgpu::Buffer,
+    ) {
+        let backdrop = self.bind_at(
+            &self.fixed.backdrop,
+            &[buffer(0, view), texture(5, &self.environment), buffer(6, &work.sum)],
+        );
+        self.over_pixels(encoder, timer, work, "backdrop", (&self.fixed.backdrop, &backdrop));
+    }
+
+    fn over_pixels(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut PassTimer,
+        work: &Work,
+        name: &'static str,
+        (pipeline, group): (&wgpu::ComputePipeline, &wgpu::BindGroup),
+    ) {
+        let [across, down] = work.size.map(|side| side.div_ceil(8));
+        let mut compute = begin(encoder, name, timer.compute(name));
+        compute.set_pipeline(pipeline);
+        compute.set_bind_group(0, group, &[]);
+        compute.dispatch_workgroups(across, down, 1);
     }
 
     /// Shades a frame once more to count what that takes; see [`Self::render`].
@@ -588,7 +678,7 @@ impl Renderer {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
             let view = self.view(lens, Background::Transparent, sampling, pass);
             self.find(&mut encoder, &mut timer, &work, &mark, &view);
-            self.shading[shading].run(&mut encoder, &mut timer, &shade, &work);
+            self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, Dispatch::Planned);
             let mut compute = begin(&mut encoder, "end", None);
             compute.set_pipeline(&self.fixed.end);
             compute.set_bind_group(0, &end, &[]);
@@ -626,6 +716,7 @@ impl Renderer {
             size[1]
         );
         let sampling = Sampling::new(samples, pixels, size, edge);
+        self.make_ribbons();
         Ok((Work::new(&self.gpu.device, self.points, size, sampling.grid), sampling))
     }
 
@@ -765,13 +856,13 @@ impl Renderer {
             raster.set_bind_group(0, &group, &[]);
             raster.draw(0..self.head_corner_count, 0..1);
         }
-        if self.segment_count > 0 {
+        if let Some(ribbons) = self.ribbons.as_ref().filter(|ribbons| ribbons.count > 0) {
             let layout = self.fixed.hair.get_bind_group_layout(0);
-            let group = bind(device, &layout, &[view, &self.strand_points, &self.segments]);
+            let group = bind(device, &layout, &[view, &self.strand_points, &ribbons.segments]);
             raster.set_pipeline(&self.fixed.hair);
             raster.set_bind_group(0, &group, &[]);
-            raster.set_index_buffer(self.indices.buffer.slice(..), wgpu::IndexFormat::Uint32);
-            raster.draw_indexed(0..6 * self.indices.pieces * self.segment_count, 0, 0..1);
+            raster.set_index_buffer(ribbons.indices.slice(..), wgpu::IndexFormat::Uint32);
+            raster.draw_indexed(0..ribbons.count, 0, 0..1);
         }
     }
 
@@ -802,7 +893,7 @@ impl Renderer {
         let uniform = ViewUniform {
             clip_from_pos: Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(),
             eye,
-            pieces: self.indices.pieces,
+            pieces: self.pieces,
             right: lens.right.as_vec3(),
             background: kind,
             up: lens.up.as_vec3(),
@@ -819,16 +910,18 @@ impl Renderer {
     }
 }
 
-/// The triangles of all ribbons, for one number of pieces a segment.
-struct RibbonIndices {
-    pieces: u32,
-    buffer: wgpu::Buffer,
+/// Segments as triangles, for one number of pieces a segment.
+struct Ribbons {
+    segments: wgpu::Buffer,
+    indices: wgpu::Buffer,
+    /// Of `indices`.
+    count: u32,
 }
 
-impl RibbonIndices {
-    fn new(device: &wgpu::Device, segments: u32, pieces: u32) -> RibbonIndices {
+impl Ribbons {
+    fn new(device: &wgpu::Device, segments: &[u32], pieces: u32) -> Ribbons {
         let quad = |first: u32| [first, first + 1, first + 2, first + 2, first + 1, first + 3];
-        let indices: Vec<u32> = (0..segments)
+        let indices: Vec<u32> = (0..segments.len() as u32)
             .flat_map(|segment| (0..pieces).map(move |piece| 2 * (segment * (pieces + 1) + piece)))
             .flat_map(quad)
             .collect();
@@ -837,13 +930,15 @@ impl RibbonIndices {
             contents: bytemuck::cast_slice(&indices),
             usage: wgpu::BufferUsages::INDEX,
         });
-        RibbonIndices { pieces, buffer }
+        let segments = storage(device, "segments", bytemuck::cast_slice(segments));
+        Ribbons { segments, indices: buffer, count: indices.len() as u32 }
     }
 }
 
 /// The buffers of one frame, all born zero.
 struct Work {
-    /// Size of the visibility buffer.
+    /// Of the frame in pixels, and of the visibility buffer.
+    size: [u32; 2],
     texels: [u32; 2],
     visibility: wgpu::TextureView,
     depth: wgpu::TextureView,
@@ -885,15 +980,18 @@ impl Work {
         let points = u64::from(points);
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let (nothing, read) = (wgpu::BufferUsages::empty(), wgpu::BufferUsages::COPY_SRC);
+        let again = read | wgpu::BufferUsages::COPY_DST;
+        let listed = again | wgpu::BufferUsages::INDIRECT;
         Work {
+            size,
             texels,
             visibility: target("visibility", VISIBILITY, wgpu::TextureUsages::TEXTURE_BINDING),
             depth: target("depth", DEPTH, wgpu::TextureUsages::empty()),
             marks: zeros("marks", 4 * points, nothing),
-            needed: zeros("needed", NEEDED_LIST + 4 * points, read | wgpu::BufferUsages::INDIRECT),
+            needed: zeros("needed", NEEDED_LIST + 4 * points, listed),
             radiance: zeros("radiance", 16 * points, read),
-            sum: zeros("sum", 16 * pixels, read),
-            hair_sum: zeros("hair sum", 4 * pixels, read),
+            sum: zeros("sum", 16 * pixels, again),
+            hair_sum: zeros("hair sum", 4 * pixels, again),
         }
     }
 
@@ -932,6 +1030,15 @@ fn jitter(pass: u32, sampling: Sampling) -> Vec2 {
     Vec2::new(at(0.754_877_666_246_693), at(0.569_840_290_998_053))
 }
 
+/// Points that a shading pass is for.
+#[derive(Clone, Copy)]
+enum Dispatch {
+    /// Those that were found since the last pass.
+    Planned,
+    /// So many of those that are listed, at most [`POINTS_A_LOOK`].
+    Points(u32),
+}
+
 impl Shading {
     fn run(
         &self,
@@ -939,13 +1046,19 @@ impl Shading {
         timer: &mut PassTimer,
         groups: &[wgpu::BindGroup],
         work: &Work,
+        dispatch: Dispatch,
     ) {
         let mut compute = begin(encoder, "shade", timer.compute("shade"));
         compute.set_pipeline(&self.pipeline);
         compute.set_bind_group(0, &self.scattering, &[]);
         for group in groups {
             compute.set_bind_group(1, group, &[]);
-            compute.dispatch_workgroups_indirect(&work.needed, NEEDED_DISPATCH);
+            match dispatch {
+                Dispatch::Planned => {
+                    compute.dispatch_workgroups_indirect(&work.needed, NEEDED_DISPATCH);
+                }
+                Dispatch::Points(count) => compute.dispatch_workgroups(count.div_ceil(64), 1, 1),
+            }
         }
     }
 }

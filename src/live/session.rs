@@ -12,7 +12,7 @@ use crate::capture::{background, parts};
 use crate::field::Field;
 use crate::file::catch_panic;
 use crate::gpu::Gpu;
-use crate::gpu::frame::{Background, Frame, Renderer};
+use crate::gpu::frame::{Background, Frame, Renderer, Sight};
 use crate::gpu::method::MethodData;
 use crate::gpu::shaders::Shaders;
 use crate::image::display_bytes;
@@ -37,8 +37,9 @@ const HURRY_CELLS: usize = 32;
 /// Narrow lights that are brought through hair anew while the light turns; others are shared out among ordinates, which
 /// stay where they are.
 const HURRY_LIGHTS: usize = 10;
-/// So many lights are summed between two looks at whether to go on.
-const LIGHTS_A_LOOK: usize = 8;
+/// Of rest before light is brought to points that nothing shows yet, and what its reach may take in all.
+const FORESEE_AFTER: Duration = Duration::from_millis(300);
+const FORESEEN_BYTES: usize = 256 << 20;
 
 /// Something made, and what it was made from.
 struct Made<K, T> {
@@ -93,8 +94,8 @@ pub struct Session {
     /// Lit through [`Body::coarse`], to the grid's samples alone, and through [`Body::medium`].
     coarse: Option<Made<Turned, LitHair>>,
     fine: Option<Made<Turned, LitHair>>,
-    /// Points of the last whole picture.
-    seen: Vec<u32>,
+    /// Of the last whole picture, for its lens and samples.
+    sight: Option<Made<(Lens, u32), Arc<Sight>>>,
     method: Option<Made<Look, MethodData>>,
     paint: Option<Arc<Paint>>,
     /// Of the scene's own paint.
@@ -132,7 +133,7 @@ impl Default for Session {
             cache: srbf::cache_folder(),
             coarse: None,
             fine: None,
-            seen: Vec::new(),
+            sight: None,
             method: None,
             paint: None,
             file_thickness: None,
@@ -167,7 +168,7 @@ impl Session {
         }
         if lost || seen.is_err() {
             // All that was on it is made again.
-            self.gpu = None;
+            (self.gpu, self.sight) = (None, None);
             (self.hurried, self.whole) = (None, None);
             seen = catch_panic(|| self.try_see(wish, go_on, say));
         }
@@ -185,6 +186,30 @@ impl Session {
                 Err(error)
             }
             done => done,
+        }
+    }
+
+    /// Brings light to points that other cameras may see, while nothing else is asked for, so that they need not wait for
+    /// it.
+    pub fn foresee(&mut self, go_on: GoOn) {
+        let begun = Instant::now();
+        while begun.elapsed() < FORESEE_AFTER {
+            if !go_on() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let (Some(body), Some(fine)) = (&self.body, &mut self.fine) else { return };
+        let (stage, lit) = (&body.it.stage, &mut fine.it);
+        let points = stage.hair.points.len();
+        if 4 * points * lit.lights.len() <= FORESEEN_BYTES && !body.it.stale {
+            let all: Vec<u32> = (0..points as u32).collect();
+            let new = lit.missing(stage, &all);
+            if new.is_empty() {
+                return;
+            }
+            // Given up, all is as it was.
+            let _ = body.it.medium.extend(stage, lit, &new, &|_| go_on());
         }
     }
 
@@ -318,6 +343,7 @@ impl Session {
             let mut stage = Geometry::clone(&stage);
             stage.thicken(thickness.as_ref());
             renderer.it.set_diameters(&stage);
+            self.sight = None;
             body.stage = Arc::new(stage);
             (body.thickness, body.stale) = (thickness, true);
             say(Said::Geometry(of, body.stage.clone()));
@@ -362,7 +388,7 @@ impl Session {
         say(Said::Geometry(from.0.clone(), stage.clone()));
         self.body = Some(Made { from, it: body });
         (self.coarse, self.fine) = (None, None);
-        self.seen.clear();
+        self.sight = None;
         self.method = None;
         self.field = None;
         self.hurry_ready = None;
@@ -381,6 +407,7 @@ impl Session {
             say(Said::Failed(format!("{error:#}")));
         }
         self.shaders = wish.shaders.clone();
+        self.sight = None;
     }
 
     /// Puts the map behind the hair.
@@ -435,7 +462,8 @@ impl Session {
         /// Of no fit.
         const NOT_YET: Turned = (u64::MAX, 0.0);
         let begun = made.get_or_insert_with(|| Made { from: NOT_YET, it: LitHair::default() });
-        begun.it.retain(&body.it.stage, &self.seen);
+        let seen = self.sight.as_ref().map_or(&[][..], |sight| &sight.it.points);
+        begun.it.retain(&body.it.stage, seen);
         medium.relight(&body.it.stage, &mut begun.it, lights, &|done| {
             if !hurry {
                 say(Said::Progress("light through hair", done));
@@ -466,7 +494,6 @@ impl Session {
             body.medium.roughen(stage, lit, &points);
             renderer.set_thinning(thinning as u32);
             renderer.negligible = HURRY_NEGLIGIBLE;
-            renderer.lights_a_group = usize::MAX;
             lit.show_rough(renderer, &points);
         }
         if !asked.multiple() {
@@ -494,26 +521,32 @@ impl Session {
         let settings = Settings::of(scene);
         self.hurry_ready = None;
         let turned = (self.lights, scene.environment.rotation_deg);
+        let Some(body) = &self.body else { bail!("no hair") };
+        let from = (lens(&body.it.stage, scene, wish.size)?, settings.samples);
+        let known = self.sight.take().filter(|sight| sight.from == from);
         let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
-        let lens = lens(stage, scene, wish.size)?;
         renderer.set_thinning(1);
         renderer.negligible = settings.negligible;
-        renderer.lights_a_group = LIGHTS_A_LOOK;
-        let seen = renderer.visible_points(&[lens], stage.pieces(&lens), settings.samples)?;
+        let (lens, samples) = from;
+        let sight = match known {
+            Some(sight) => sight.it,
+            None => Arc::new(renderer.look(&lens, stage.pieces(&lens), samples)?),
+        };
         let seen_ms = ms_since(begun);
+        let begun_light = Instant::now();
+        let new = lit.missing(stage, &sight.points);
+        self.sight = Some(Made { from, it: sight.clone() });
         if !go_on() {
             return Ok(false);
         }
-        let begun_light = Instant::now();
-        let new = lit.missing(stage, &seen);
+        let Some((body, _, lit, _)) = self.parts(turned) else { bail!("no hair") };
         if !new.is_empty() {
-            body.medium.extend(stage, lit, &new, &|done| {
+            body.medium.extend(&body.stage, lit, &new, &|done| {
                 say(Said::Progress("light through hair", done));
                 go_on()
             })?;
         }
-        self.seen = seen;
         self.stages[0].1 += ms_since(begun_light);
         let from = (self.lit, self.fibres);
         let begun_field = Instant::now();
@@ -527,21 +560,15 @@ impl Session {
         }
         let field = self.field.take().filter(|_| asked.multiple());
         let Some((_, renderer, lit, method)) = self.parts(turned) else { bail!("no hair") };
-        lit.show(renderer, method, field.as_ref().and_then(|made| made.it.as_ref()));
+        let shown = field.as_ref().and_then(|made| made.it.as_ref());
+        lit.show_some(renderer, method, shown, &sight.points);
         self.field = field;
         let begun_frame = Instant::now();
         self.stages
             .extend([("what is seen", seen_ms), ("light between strands", ms_since(begun_field))]);
         say(Said::Progress("shading", 0.5));
         let Some(renderer) = self.gpu.as_mut() else { bail!("no device") };
-        let looked = || go_on();
-        let frame = renderer.it.render_while(
-            &lens,
-            settings.samples,
-            live_background(scene),
-            asked,
-            Some(&looked),
-        )?;
+        let frame = renderer.it.render_seen(&sight, live_background(scene), asked, go_on)?;
         let Some(frame) = frame else { return Ok(false) };
         self.stages.push(("the frame", ms_since(begun_frame)));
         let ms = ms_since(begun);

@@ -29,10 +29,10 @@ impl Worker {
     /// A session. `wake` is called, from the thread, when something was said.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Worker {
         let mut session = Session::default();
-        Worker::with(wake, move |wish, go_on, say| {
-            if let Err(error) = session.see(wish, go_on, say) {
-                say(Said::Failed(format!("{error:#}")));
-            }
+        Worker::with(wake, move |wish, go_on, say| match session.see(wish, go_on, say) {
+            Ok(true) if !wish.moving => session.foresee(go_on),
+            Ok(_) => {}
+            Err(error) => say(Said::Failed(format!("{error:#}"))),
         })
     }
 }

@@ -16,6 +16,8 @@ pub mod shadow;
 pub mod sheared;
 pub mod volume;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -152,22 +154,24 @@ impl Occluders<'_> {
 
     /// One light (world frame): its reach at each of `points`; `Reach::beyond` is 0 unless asked for.
     pub fn reach(&self, light: &SrbfLight, points: &[Vec3], beyond: bool) -> Vec<Reach> {
-        self.reach_and_irradiance(light, points, beyond, false).0
+        self.reach_and_irradiance(light, points, beyond, false, &|| true).unwrap_or_default().0
     }
 
     /// The irradiance that comes of a light (world frame) of radiance 1, whatever its own, through the hair to each
     /// vertex of the head.
     pub fn irradiance(&self, light: &SrbfLight) -> Vec<f32> {
-        self.reach_and_irradiance(light, &[], false, true).1
+        self.reach_and_irradiance(light, &[], false, true, &|| true).unwrap_or_default().1
     }
 
+    /// None where `go_on`, asked before each direction, said no.
     fn reach_and_irradiance(
         &self,
         light: &SrbfLight,
         points: &[Vec3],
         beyond: bool,
         head: bool,
-    ) -> (Vec<Reach>, Vec<f32>) {
+        go_on: &dyn Fn() -> bool,
+    ) -> Option<(Vec<Reach>, Vec<f32>)> {
         let directions = lobe_directions(light);
         let weight = 1.0 / directions.len() as f32;
         let irradiance = lobe_integral(light.lambda) as f32 * weight;
@@ -177,6 +181,9 @@ impl Occluders<'_> {
         let normals = lit.map_or(&[][..], |head| &head.normals);
         let mut received = vec![0.0; vertices.len()];
         for way in self.ways(&directions) {
+            if !go_on() {
+                return None;
+            }
             for (mean, &p) in means.iter_mut().zip(points) {
                 let (open, tau, behind) = way.look(self.volume.to_cells(p));
                 if beyond {
@@ -197,7 +204,7 @@ impl Occluders<'_> {
                 }
             }
         }
-        (means, received)
+        Some((means, received))
     }
 }
 
@@ -227,31 +234,35 @@ pub struct Places<'a> {
 }
 
 /// The transport of each of `lights`; a black one has none: 0 at points and samples, nothing for the head. `tick` is
-/// called once a light is done; false cancels, and the result is then None.
+/// told the share done, again and again; false cancels, and the result is then None.
 pub fn transport(
     occluders: &Occluders,
     lights: &[SrbfLight],
     to: &Places,
-    tick: &(dyn Fn() -> bool + Sync),
+    tick: &(dyn Fn(f32) -> bool + Sync),
 ) -> Option<Vec<Brought>> {
     let places = [to.points, to.samples].concat();
+    let done = AtomicUsize::new(0);
+    let go_on = || tick(done.load(Ordering::Relaxed) as f32 / lights.len() as f32);
     let bring = |light: &SrbfLight| {
         if light.rgb == [0.0; 3] {
             let (reach, samples) = (vec![0; to.points.len()], vec![0.0; to.samples.len()]);
-            return Brought { reach, samples, ..Brought::default() };
+            return Some(Brought { reach, samples, ..Brought::default() });
         }
-        let (reach, head) = occluders.reach_and_irradiance(light, &places, to.beyond, to.head);
+        let (reach, head) =
+            occluders.reach_and_irradiance(light, &places, to.beyond, to.head, &go_on)?;
         let (of_points, of_samples) = reach.split_at(to.points.len());
-        Brought {
+        Some(Brought {
             reach: of_points.iter().map(|reach| reach.pack()).collect(),
             samples: of_samples.iter().map(|reach| reach.direct).collect(),
             looks: (lobe_directions(light).len() * (places.len() + head.len())) as u64,
             head,
-        }
+        })
     };
     let each = |light| {
         let brought = bring(light);
-        tick().then_some(brought)
+        done.fetch_add(1, Ordering::Relaxed);
+        brought.filter(|_| go_on())
     };
     lights.par_iter().map(each).collect()
 }

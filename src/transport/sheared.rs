@@ -61,12 +61,7 @@ pub struct OpticalDepth {
 impl OpticalDepth {
     pub fn new(volume: &Volume, omega: Vec3) -> OpticalDepth {
         let shear = Shear::new(omega);
-        let crossings = volume.crossings_per_cell(omega);
         let n = shear.axes.map(|a| volume.dims[a]);
-        let stride = {
-            let strides = [1, volume.dims[0], volume.dims[0] * volume.dims[1]];
-            shear.axes.map(|a| strides[a])
-        };
         let extent = |axis: usize| {
             let shift = -(n[2] as f32) * shear.slope[axis];
             let first = shift.min(0.0).floor() as i32 - 1;
@@ -74,35 +69,30 @@ impl OpticalDepth {
         };
         let ((first_x, width), (first_y, height)) = (extent(0), extent(1));
         let (width, height) = (width as usize, height as usize);
+        // The slice's cells, shifted by the shear at its middle: constant weights for a whole slice.
+        let slices: Vec<([usize; 2], [f32; 2])> = (0..n[2])
+            .map(|slice| {
+                let shift = shear.slope.map(|slope| -(slice as f32 + 0.5) * slope);
+                let whole = shift.map(f32::floor);
+                let to = [0, 1].map(|k| (whole[k] as i32 - [first_x, first_y][k]).max(0) as usize);
+                (to, [0, 1].map(|k| shift[k] - whole[k]))
+            })
+            .collect();
         let mut tau = vec![0.0f32; (n[2] + 1) * width * height];
-        for plane in 0..n[2] {
-            let slice = if shear.sign > 0.0 { n[2] - 1 - plane } else { plane };
-            let (done, rest) = tau.split_at_mut((plane + 1) * width * height);
-            let above = &done[plane * width * height..];
-            let below = &mut rest[..width * height];
-            below.copy_from_slice(above);
-            // The slice's cells, shifted by the shear at its middle: constant weights for a whole slice.
-            let middle = slice as f32 + 0.5;
-            let shift = [middle * shear.slope[0], middle * shear.slope[1]];
-            let whole = shift.map(|s| (-s).floor());
-            let fraction = [-shift[0] - whole[0], -shift[1] - whole[1]];
-            let [to_x, to_y] =
-                [whole[0] as i32 - first_x, whole[1] as i32 - first_y].map(|o| o.max(0) as usize);
-            for b in 0..n[1] {
-                for a in 0..n[0] {
-                    let c = crossings[a * stride[0] + b * stride[1] + slice * stride[2]];
-                    if c == 0.0 {
-                        continue;
-                    }
-                    let c = c * shear.stretch;
-                    let at = (b + to_y) * width + a + to_x;
-                    let [fx, fy] = fraction;
-                    below[at] += c * (1.0 - fx) * (1.0 - fy);
-                    below[at + 1] += c * fx * (1.0 - fy);
-                    below[at + width] += c * (1.0 - fx) * fy;
-                    below[at + width + 1] += c * fx * fy;
-                }
-            }
+        volume.crossings(omega, |place, c| {
+            let [a, b, slice] = shear.axes.map(|axis| place[axis]);
+            let ([to_x, to_y], [fx, fy]) = slices[slice];
+            let plane = if shear.sign > 0.0 { n[2] - 1 - slice } else { slice };
+            let at = ((plane + 1) * height + b + to_y) * width + a + to_x;
+            let c = c * shear.stretch;
+            tau[at] += c * (1.0 - fx) * (1.0 - fy);
+            tau[at + 1] += c * fx * (1.0 - fy);
+            tau[at + width] += c * (1.0 - fx) * fy;
+            tau[at + width + 1] += c * fx * fy;
+        });
+        for plane in 1..=n[2] {
+            let (above, below) = tau[(plane - 1) * width * height..].split_at_mut(width * height);
+            below.iter_mut().zip(above).for_each(|(below, above)| *below += *above);
         }
         OpticalDepth {
             shear,

@@ -5,6 +5,8 @@
 //! ρ(ω) = √(s² − s ωᵀSω), exact where the fibres of a cell are parallel, and 4 % high (0.816 against π/4)
 //! where they point everywhere.
 
+use std::sync::OnceLock;
+
 use glam::Vec3;
 
 /// A grid of cubic cells around the hair. Cell (i, j, k) is at `cells[(k * dims[1] + j) * dims[0] + i]`.
@@ -16,6 +18,8 @@ pub struct Volume {
     pub dims: [usize; 3],
     /// S_xx, S_yy, S_zz, S_xy, S_xz, S_yz, per world unit of length.
     pub cells: Vec<[f32; 6]>,
+    /// Places (x, y, z) of the cells with hair, in order: most have none.
+    hairy: OnceLock<Vec<[u16; 3]>>,
 }
 
 impl Volume {
@@ -27,7 +31,12 @@ impl Volume {
         let dims = size.to_array().map(|s| ((s / cell).ceil() as usize + 2).max(3));
         let origin = 0.5 * (min + max)
             - 0.5 * cell * Vec3::new(dims[0] as f32, dims[1] as f32, dims[2] as f32);
-        Volume { origin, cell, dims, cells: vec![[0.0; 6]; dims[0] * dims[1] * dims[2]] }
+        Volume::new(origin, cell, dims, vec![[0.0; 6]; dims[0] * dims[1] * dims[2]])
+    }
+
+    /// See the fields.
+    pub fn new(origin: Vec3, cell: f32, dims: [usize; 3], cells: Vec<[f32; 6]>) -> Volume {
+        Volume { origin, cell, dims, cells, hairy: OnceLock::new() }
     }
 
     /// Adds a segment, all in world units; what lies outside the box is left out.
@@ -36,6 +45,7 @@ impl Volume {
         if length <= 0.0 {
             return;
         }
+        self.hairy.take();
         let t = (b - a) / length;
         let pieces = (2.0 * length / self.cell).ceil().max(1.0);
         let weight = diameter * length / pieces / self.cell.powi(3);
@@ -87,18 +97,30 @@ impl Volume {
 
     /// ρ(ω) · cell for every cell: crossings expected over one cell's edge, for unit ω.
     pub fn crossings_per_cell(&self, omega: Vec3) -> Vec<f32> {
+        let mut crossings = vec![0.0; self.cells.len()];
+        self.crossings(omega, |[x, y, z], c| {
+            crossings[(z * self.dims[1] + y) * self.dims[0] + x] = c;
+        });
+        crossings
+    }
+
+    /// The same of the cells with hair alone, by their places.
+    pub fn crossings(&self, omega: Vec3, mut with: impl FnMut([usize; 3], f32)) {
         let [x, y, z] = omega.to_array();
         let quadratic = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z];
-        self.cells
-            .iter()
-            .map(|c| {
-                let s = c[0] + c[1] + c[2];
-                if s == 0.0 {
-                    return 0.0;
-                }
-                let along: f32 = c.iter().zip(quadratic).map(|(a, b)| a * b).sum();
-                self.cell * (s * (s - along)).max(0.0).sqrt()
-            })
-            .collect()
+        let [across, down, _] = self.dims;
+        let places = self.hairy.get_or_init(|| {
+            let hairy = |&i: &usize| self.cells[i][..3].iter().sum::<f32>() != 0.0;
+            let place = |i: usize| [i % across, i / across % down, i / across / down];
+            let hairy = (0..self.cells.len()).filter(hairy);
+            hairy.map(|i| place(i).map(|at| at as u16)).collect()
+        });
+        for place in places {
+            let [x, y, z] = place.map(usize::from);
+            let c = &self.cells[(z * down + y) * across + x];
+            let s = c[0] + c[1] + c[2];
+            let along: f32 = c.iter().zip(quadratic).map(|(a, b)| a * b).sum();
+            with([x, y, z], self.cell * (s * (s - along)).max(0.0).sqrt());
+        }
     }
 }
