@@ -137,20 +137,33 @@ impl Medium {
     /// Finds [`LitHair::rough`] at `points`, the same at each call: for frames in a hurry, of `fast`, which knows T̃ alone.
     pub fn roughen(&self, stage: &Geometry, lit: &mut LitHair, points: &[u32]) {
         let Some(grid) = &self.grid else { return };
+        if lit.rough.iter().all(|rough| !rough.is_empty()) {
+            return;
+        }
+        let corners: Vec<[(u32, f32); 8]> = (points.par_iter())
+            .map(|&point| {
+                let (mut corners, mut count) = ([(0, 0.0); 8], 0);
+                grid.volume.corners(stage.hair.points[point as usize], |cell, weight| {
+                    corners[count] = (cell as u32, weight);
+                    count += 1;
+                });
+                corners
+            })
+            .collect();
         let of_light = |brought: &Brought| {
             let cells = grid.spread(&brought.samples);
-            let at = |&point: &u32| {
+            let at = |corners: &[(u32, f32); 8]| {
                 let (mut sum, mut total) = (0.0, 0.0);
-                grid.volume.corners(stage.hair.points[point as usize], |cell, weight| {
-                    if let Some(direct) = cells[cell] {
+                for &(cell, weight) in corners {
+                    if let Some(direct) = cells[cell as usize] {
                         sum += weight * direct;
                         total += weight;
                     }
-                });
-                let direct = if total > 0.0 { sum / total } else { 1.0 };
-                Reach { direct, quarter: direct.powf(0.25), open: 1.0, beyond: 1.0 }.pack()
+                }
+                let direct = if total > 0.0 { sum / total } else { 1.0f32 };
+                Reach { direct, quarter: direct.sqrt().sqrt(), open: 1.0, beyond: 1.0 }.pack()
             };
-            points.iter().map(at).collect()
+            corners.iter().map(at).collect()
         };
         let all = lit.rough.par_iter_mut().zip(&lit.brought);
         all.filter(|(rough, _)| rough.is_empty())

@@ -516,7 +516,9 @@ fn by_hand_latency() {
     let mut sintel = Scene::default();
     sintel.hair.source = format!("{data}/hair/sintel.hair");
     sintel.head.source = format!("{data}/head/sintel.obj");
-    for (name, scene) in [("sintel", sintel), ("bob", Scene::default())] {
+    let mut long = Scene::default();
+    long.hair.source = format!("{data}/hair/long_straight_60k.hair");
+    for (name, scene) in [("sintel", sintel), ("bob", Scene::default()), ("1.7M points", long)] {
         let mut session = Session::default();
         let mut wish = Wish::new(scene, [720, 480]);
         let mut see = |what: &str, wish: &Wish| {
@@ -538,7 +540,7 @@ fn by_hand_latency() {
             session.see(wish, &|| true, &say).unwrap();
             let (begun, spent) = (Instant::now(), cpu_ms());
             if !wish.moving {
-                session.foresee(&|| true);
+                session.foresee(wish, &|| true);
             }
             let foreseen = format!("{} ms [{:.0}]", begun.elapsed().as_millis(), cpu_ms() - spent);
             println!("{name}, {what}, then {foreseen}: {}", said.into_inner().unwrap().join("; "));

@@ -15,6 +15,7 @@ mod groom;
 mod hair;
 mod hard_cases;
 mod light;
+mod live;
 mod measure;
 mod nodes;
 mod paint;

@@ -510,7 +510,12 @@ impl Renderer {
     /// set anew.
     pub fn set_method(&mut self, method: &MethodData) {
         if !Arc::ptr_eq(&self.method.fibres, &method.fibres) {
-            self.painted = point_texture(&self.gpu, method.fibres.points());
+            let (before, points) = (self.method.fibres.points(), method.fibres.points());
+            if before.is_empty() || before.len() != points.len() {
+                self.painted = point_texture(&self.gpu, points);
+            } else {
+                repaint_texture(&self.gpu, &self.painted, before, points);
+            }
         }
         self.method = method.clone();
         self.shading.clear();

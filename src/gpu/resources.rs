@@ -156,6 +156,36 @@ pub(super) fn point_texture(gpu: &Gpu, points: &[PointFibre]) -> wgpu::TextureVi
     texture_of(gpu, "painted", size, wgpu::TextureDimension::D2, format, texels)
 }
 
+/// Writes those rows of a [`point_texture`] of `before` again that `points` change.
+pub(super) fn repaint_texture(
+    gpu: &Gpu,
+    texture: &wgpu::TextureView,
+    before: &[PointFibre],
+    points: &[PointFibre],
+) {
+    let width = points.len().clamp(1, POINTS_A_ROW);
+    let rows = before.chunks(width).zip(points.chunks(width)).enumerate();
+    for (y, (_, row)) in rows.filter(|(_, (before, row))| before != row) {
+        let mut texels = row.to_vec();
+        texels.resize(width, PointFibre::zeroed());
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                texture: texture.texture(),
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: y as u32, z: 0 },
+                aspect: wgpu::TextureAspect::All,
+            },
+            bytemuck::cast_slice(&texels),
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some((width * size_of::<PointFibre>()) as u32),
+                rows_per_image: None,
+            },
+            wgpu::Extent3d { width: width as u32, height: 1, depth_or_array_layers: 1 },
+        );
+    }
+}
+
 pub(super) fn linear_sampler(device: &wgpu::Device) -> wgpu::Sampler {
     device.create_sampler(&wgpu::SamplerDescriptor {
         mag_filter: wgpu::FilterMode::Linear,

@@ -100,6 +100,8 @@ pub struct Figures {
     /// Strand points shaded, and lights that each may have been shaded with: wide ones are ordinates.
     pub points: usize,
     pub lights: usize,
+    /// Of those points, the ones that light had not been brought to for a picture before.
+    pub brought: usize,
     /// Lights fitted to the map, and the relative L2 that the fit leaves after a blur of λ = 0.3.
     pub fitted: usize,
     pub fit_error: f64,

@@ -37,7 +37,7 @@ const HURRY_CELLS: usize = 32;
 /// Narrow lights that are brought through hair anew while the light turns; others are shared out among ordinates, which
 /// stay where they are.
 const HURRY_LIGHTS: usize = 10;
-/// Of rest before light is brought to points that nothing shows yet, and what its reach may take in all.
+/// Of rest before it is made what the next pictures may take; what reach of points that nothing shows yet may take.
 const FORESEE_AFTER: Duration = Duration::from_millis(300);
 const FORESEEN_BYTES: usize = 256 << 20;
 
@@ -189,9 +189,9 @@ impl Session {
         }
     }
 
-    /// Brings light to points that other cameras may see, while nothing else is asked for, so that they need not wait for
-    /// it.
-    pub fn foresee(&mut self, go_on: GoOn) {
+    /// Makes what the next pictures may take, while nothing else is asked for, so that they need not wait for it.
+    pub fn foresee(&mut self, wish: &Wish, go_on: GoOn) {
+        let scene = &wish.scene;
         let begun = Instant::now();
         while begun.elapsed() < FORESEE_AFTER {
             if !go_on() {
@@ -199,17 +199,34 @@ impl Session {
             }
             std::thread::sleep(Duration::from_millis(5));
         }
-        let (Some(body), Some(fine)) = (&self.body, &mut self.fine) else { return };
-        let (stage, lit) = (&body.it.stage, &mut fine.it);
-        let points = stage.hair.points.len();
-        if 4 * points * lit.lights.len() <= FORESEEN_BYTES && !body.it.stale {
-            let all: Vec<u32> = (0..points as u32).collect();
-            let new = lit.missing(stage, &all);
-            if new.is_empty() {
+        let Some(Made { it: body, .. }) = self.body.as_ref().filter(|body| !body.it.stale) else {
+            return;
+        };
+        let (stage, Some(fine), Some(light)) = (&body.stage, &mut self.fine, &self.light) else {
+            return;
+        };
+        // What the first hurried pictures take: of another camera, and of light that turns.
+        let (_, points) = hurried_points(stage);
+        body.medium.roughen(stage, &mut fine.it, &points);
+        if self.coarse.as_ref().is_none_or(|coarse| coarse.from != fine.from) {
+            let lights =
+                split_weak(&place_lights(&light.fit.lights, &unexposed(scene)), HURRY_LIGHTS);
+            let mut it = self.coarse.take().map_or_else(LitHair::default, |coarse| coarse.it);
+            if body.coarse.relight(stage, &mut it, lights, &|_| go_on()).is_err() {
                 return;
             }
-            // Given up, all is as it was.
-            let _ = body.it.medium.extend(stage, lit, &new, &|_| go_on());
+            body.coarse.roughen(stage, &mut it, &points);
+            self.coarse = Some(Made { from: fine.from, it });
+        }
+        // What any whole picture of another camera takes.
+        let points = stage.hair.points.len();
+        if 4 * points * fine.it.lights.len() <= FORESEEN_BYTES {
+            let all: Vec<u32> = (0..points as u32).collect();
+            let new = fine.it.missing(stage, &all);
+            if !new.is_empty() {
+                // Given up, all is as it was.
+                let _ = body.medium.extend(stage, &mut fine.it, &new, &|_| go_on());
+            }
         }
     }
 
@@ -426,7 +443,17 @@ impl Session {
             return Ok(());
         }
         let Some(body) = &self.body else { bail!("no hair") };
-        let fibres = wish.fibres(&body.it.stage)?;
+        let painted = |paint: &Option<Arc<Paint>>| {
+            paint
+                .as_ref()
+                .filter(|paint| paint.points() == body.it.stage.hair.points.len())
+                .cloned()
+        };
+        let known = self.method.as_ref().filter(|made| made.from == from);
+        let fibres = match (known, painted(&self.paint), painted(paint)) {
+            (Some(known), Some(before), Some(paint)) => known.it.fibres.repainted(&before, &paint),
+            _ => wish.fibres(&body.it.stage)?,
+        };
         let it = MethodData::new(scene.fibre.model, fibres, &scene.render)?;
         if let Some(renderer) = &mut self.gpu {
             renderer.it.set_method(&it);
@@ -487,10 +514,8 @@ impl Session {
         let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, size)?;
-        let thinning = stage.hair.points.len().div_ceil(HURRY_POINTS).max(1);
+        let (thinning, points) = hurried_points(stage);
         if ready != Some(now) {
-            let strands = stage.hair.strands().step_by(thinning);
-            let points: Vec<u32> = strands.flatten().map(|i| i as u32).collect();
             body.medium.roughen(stage, lit, &points);
             renderer.set_thinning(thinning as u32);
             renderer.negligible = HURRY_NEGLIGIBLE;
@@ -572,7 +597,8 @@ impl Session {
         let Some(frame) = frame else { return Ok(false) };
         self.stages.push(("the frame", ms_since(begun_frame)));
         let ms = ms_since(begun);
-        let figures = self.figures(scene, &settings, &frame, &lens)?;
+        let figures =
+            Figures { brought: new.len(), ..self.figures(scene, &settings, &frame, &lens)? };
         let [width, height] = wish.size;
         let quality = format!(
             "{width} × {height}, {} samples, {} points",
@@ -618,6 +644,7 @@ impl Session {
             stages: self.stages.clone(),
             points,
             lights,
+            brought: 0,
             fitted,
             fit_error,
             expected: facts.expected(settings, fit_error),
@@ -681,6 +708,13 @@ impl Session {
 
 fn ms_since(begun: Instant) -> f64 {
     1e3 * begun.elapsed().as_secs_f64()
+}
+
+/// One of how many strands a hurried picture has, and their points.
+fn hurried_points(stage: &Geometry) -> (usize, Vec<u32>) {
+    let thinning = stage.hair.points.len().div_ceil(HURRY_POINTS).max(1);
+    let strands = stage.hair.strands().step_by(thinning);
+    (thinning, strands.flatten().map(|i| i as u32).collect())
 }
 
 fn pixels([width, height]: [u32; 2]) -> f64 {

@@ -287,6 +287,42 @@ impl Fibres {
         self.points = points.map(|point| under_paint(base, paint, point)).collect();
     }
 
+    /// The same fibres under `paint` in place of `before`: only where these differ anything is made anew.
+    pub fn repainted(&self, before: &Paint, paint: &Paint) -> Self {
+        /// Points that are compared at once.
+        const BLOCK: usize = 1024;
+        let channels =
+            |paint: &Paint| -> Vec<_> { paint.layers.iter().map(|l| l.channel).collect() };
+        let mut fibres = self.clone();
+        let alike = channels(before) == channels(paint) && before.points == paint.points;
+        if !alike || self.points.len() != paint.points {
+            fibres.repaint(paint);
+            return fibres;
+        }
+        let layers = || before.layers.iter().zip(&paint.layers);
+        fibres.points.par_chunks_mut(BLOCK).enumerate().for_each(|(block, points)| {
+            let first = block * BLOCK;
+            let texels = |layer: &Layer, point: usize, count: usize| {
+                let row = layer.channel.width() + 1;
+                point * row..(point + count) * row
+            };
+            let differ = |point: usize, count: usize| {
+                layers().any(|(a, b)| {
+                    let at = texels(a, point, count);
+                    a.texels[at.clone()] != b.texels[at]
+                })
+            };
+            if differ(first, points.len()) {
+                for (point, fibre) in (first..).zip(points) {
+                    if differ(point, 1) {
+                        *fibre = under_paint(&self.base, paint, point);
+                    }
+                }
+            }
+        });
+        fibres
+    }
+
     /// The scene's own.
     pub fn base(&self) -> &Fibre {
         &self.base
@@ -332,12 +368,10 @@ impl Fibres {
             let (mean, half) = eccentric_eta(eta, eccentricity);
             [eta.min(mean - half.abs()), eta.max(mean + half.abs())]
         };
+        let wider = |[low, high]: [f64; 2], [l, h]: [f64; 2]| [low.min(l), high.max(h)];
         let own = of(self.base.eta, self.base.eccentricity);
-        self.points.iter().fold(own, |[low, high], point| {
-            let [_, _, _, _, _, eta, eccentricity, _] = point.values();
-            let [l, h] = of(eta, eccentricity);
-            [low.min(l), high.max(h)]
-        })
+        let points = self.points.par_iter();
+        points.map(|point| of(point.0[5].to_f64(), point.0[6].to_f64())).reduce(|| own, wider)
     }
 
     /// Fibres that stand for all, each as often as it is there: the scene's own, or those of some points.
