@@ -15,6 +15,7 @@ pub use cluster::cluster;
 
 use bytemuck::{Pod, Zeroable};
 use half::f16;
+use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 
 use crate::hair::Hair;
@@ -130,6 +131,13 @@ impl Layer {
     pub fn over(&self, point: usize, bare: [f32; 3]) -> [f32; 3] {
         let (value, weight) = self.at(point);
         [0, 1, 2].map(|k| bare[k] + weight * (value[k] - bare[k]))
+    }
+
+    /// Values and weights of a block of [`BLOCK`] points, or of those that are left.
+    fn block(&self, block: usize) -> &[f16] {
+        let row = self.channel.width() + 1;
+        let first = row * block * BLOCK;
+        &self.texels[first..(first + row * BLOCK).min(self.texels.len())]
     }
 
     /// Value and weight of a point as they are kept.
@@ -282,42 +290,25 @@ impl Fibres {
 
     /// Puts paint over the scene's own at every point.
     pub fn repaint(&mut self, paint: &Paint) {
-        let base = &self.base;
-        let points = (0..paint.points).into_par_iter();
-        self.points = points.map(|point| under_paint(base, paint, point)).collect();
+        self.points = vec![PointFibre::zeroed(); paint.points];
+        let blocks = self.points.par_chunks_mut(BLOCK).enumerate();
+        blocks.for_each(|(block, points)| under_paint(&self.base, paint, block, points));
     }
 
     /// The same fibres under `paint` in place of `before`: only where these differ anything is made anew.
     pub fn repainted(&self, before: &Paint, paint: &Paint) -> Self {
-        /// Points that are compared at once.
-        const BLOCK: usize = 1024;
         let channels =
-            |paint: &Paint| -> Vec<_> { paint.layers.iter().map(|l| l.channel).collect() };
+            |paint: &Paint| -> Vec<_> { paint.layers.iter().map(|layer| layer.channel).collect() };
         let mut fibres = self.clone();
         let alike = channels(before) == channels(paint) && before.points == paint.points;
         if !alike || self.points.len() != paint.points {
             fibres.repaint(paint);
             return fibres;
         }
-        let layers = || before.layers.iter().zip(&paint.layers);
         fibres.points.par_chunks_mut(BLOCK).enumerate().for_each(|(block, points)| {
-            let first = block * BLOCK;
-            let texels = |layer: &Layer, point: usize, count: usize| {
-                let row = layer.channel.width() + 1;
-                point * row..(point + count) * row
-            };
-            let differ = |point: usize, count: usize| {
-                layers().any(|(a, b)| {
-                    let at = texels(a, point, count);
-                    a.texels[at.clone()] != b.texels[at]
-                })
-            };
-            if differ(first, points.len()) {
-                for (point, fibre) in (first..).zip(points) {
-                    if differ(point, 1) {
-                        *fibre = under_paint(&self.base, paint, point);
-                    }
-                }
+            let mut layers = before.layers.iter().zip(&paint.layers);
+            if layers.any(|(a, b)| a.block(block) != b.block(block)) {
+                under_paint(&self.base, paint, block, points);
             }
         });
         fibres
@@ -384,13 +375,33 @@ impl Fibres {
     }
 }
 
-fn under_paint(base: &Fibre, paint: &Paint, point: usize) -> PointFibre {
-    let mut numbers = Numbers::default();
+/// Points that paint is put on at once.
+const BLOCK: usize = 256;
+
+/// Fills a block of points with `base` under paint.
+fn under_paint(base: &Fibre, paint: &Paint, block: usize, points: &mut [PointFibre]) {
+    let mut own = Numbers::default();
     for channel in Channel::ALL {
-        let Some(first) = channel.first() else { continue };
-        let own = channel.of(base);
-        let shown = paint.layer(channel).map_or(own, |layer| layer.over(point, own));
-        numbers[first..first + channel.width()].copy_from_slice(&shown[..channel.width()]);
+        if let Some(first) = channel.first() {
+            own[first..][..channel.width()].copy_from_slice(&channel.of(base)[..channel.width()]);
+        }
     }
-    PointFibre::from_f32(numbers)
+    points.fill(PointFibre::from_f32(own));
+    let (mut values, mut kept) = ([0.0; 4 * BLOCK], [f16::ZERO; 4 * BLOCK]);
+    for layer in &paint.layers {
+        let Some(first) = layer.channel.first() else { continue };
+        let (width, texels) = (layer.channel.width(), layer.block(block));
+        let (values, kept) = (&mut values[..texels.len()], &mut kept[..texels.len()]);
+        texels.convert_to_f32_slice(values);
+        for texel in values.chunks_exact_mut(width + 1) {
+            let weight = texel[width];
+            for (value, own) in texel.iter_mut().zip(&own[first..][..width]) {
+                *value = own + weight * (*value - own);
+            }
+        }
+        kept.convert_from_f32_slice(values);
+        for (fibre, shown) in points.iter_mut().zip(kept.chunks_exact(width + 1)) {
+            fibre.0[first..][..width].copy_from_slice(&shown[..width]);
+        }
+    }
 }
