@@ -32,6 +32,7 @@ fn fibre(eta: f64, sigma_a: f64, beta_r_deg: f64) -> Fibre {
         beta: radians([beta_r_deg, 0.5 * beta_r_deg, 2.0 * beta_r_deg]),
         w_c: 0.2,
         eccentricity: 1.0,
+        tint: Fibre::UNTINTED,
     }
 }
 

@@ -21,7 +21,7 @@ const CLEAR: [f64; 3] = [0.0; 3];
 const BROWN: [f64; 3] = [0.3, 0.6, 1.4];
 
 fn fibre(sigma_a: [f64; 3], beta: [f64; 3], alpha: [f64; 3]) -> Fibre {
-    Fibre { eta: 1.55, sigma_a, alpha, beta, w_c: 0.2, eccentricity: 1.0 }
+    Fibre { eta: 1.55, sigma_a, alpha, beta, w_c: 0.2, eccentricity: 1.0, tint: Fibre::UNTINTED }
 }
 
 /// Marschner's ratios of widths and of shifts.
