@@ -155,7 +155,7 @@ const FORWARD = false;
 // What all lights share at a point.
 struct Strand {
     theta_o: f32,
-    factors: Modes,
+    factors: Modes,     // energy compensation and tint
 }
 
 fn strand_at(fibre: Fibre, theta_o: f32) -> Strand {

@@ -15,7 +15,7 @@ struct Fibre {
     eta_layers: u32,
     w_c: f32,             // bandwidth of TRT's own blur
     linked: u32,          // bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted
-    tint: array<vec3f, 3>, // towards the eye
+    tint: array<vec3f, 3>, // RGB of R, TT, TRT towards the eye; longer paths take TRT's
 }
 
 // What a scene lacks costs nothing: set when the pipeline is made.

@@ -191,7 +191,7 @@ const D_F = 0.7;
 
 struct Strand {
     theta_o: f32,
-    factors: Modes,
+    factors: Modes,     // energy compensation and tint
 }
 
 fn strand_at(fibre: Fibre, theta_o: f32) -> Strand {

@@ -69,7 +69,7 @@ fn error(
 }
 
 /// θ_o and θ_j to ±75°, the light where M_t can see it as often as not.
-fn places(count: usize) -> Vec<[f64; 3]> {
+pub(super) fn places(count: usize) -> Vec<[f64; 3]> {
     let limit = 75f64.to_radians();
     let at = |i: usize| {
         let u = low_discrepancy(i);

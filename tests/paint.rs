@@ -179,7 +179,13 @@ fn painted_thickness_is_diameter() {
 fn the_shader_unpacks_the_fibre_of_a_point() {
     let gpu = Gpu::new("cpu").unwrap();
     let linked = scene(&["fibre.alpha_r_deg=-3"]);
-    let own = scene(&["fibre.beta_tt_deg=3", "fibre.alpha_trt_deg=7", "fibre.eccentricity=1.2"]);
+    let own = scene(&[
+        "fibre.beta_tt_deg=3",
+        "fibre.alpha_trt_deg=7",
+        "fibre.eccentricity=1.2",
+        "fibre.intensity_r=3",
+        "fibre.tint_trt=[0.5, 0.25, 0]",
+    ]);
     let points = [
         [0.5, 1.0, 2.0, 7.5, -2.5, 1.55, 1.0],
         [0.0, 0.1, 31.0, 0.05, 20.0, 1.0, 0.5],
@@ -202,7 +208,11 @@ fn the_shader_unpacks_the_fibre_of_a_point() {
         let run = |statement: &str| probe::run(&gpu, statement, &method, &inputs).unwrap();
         let lobes = run("let f = painted_fibre(fibre, x[0], x[1]);
             y[0] = vec4f(f.alpha, f.eta); y[1] = vec4f(f.lambda, f.eta_star.x); y[2] = vec4f(f.sigma_a, f.eta_star.y);");
-        for (point, out) in points.iter().zip(lobes) {
+        let tints = run("let f = painted_fibre(fibre, x[0], x[1]);
+            for (var t = 0u; t < 3u; t++) { y[t] = vec4f(f.tint[t], 0.0); }");
+        for ((point, out), tints) in points.iter().zip(lobes).zip(tints) {
+            let tint = [0, 1, 2].map(|t| [0, 1, 2].map(|c| f64::from(tints[4 * t + c])));
+            assert_eq!(tint, fibres.base().tint, "tints are of the whole groom");
             let wanted = fibres.fibre(PointFibre::from_f32(*point));
             let (mean, half) =
                 hairlight::scattering::azimuthal::eccentric_eta(wanted.eta, wanted.eccentricity);

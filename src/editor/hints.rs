@@ -162,7 +162,8 @@ fn stops(field: &Field, view: View, scene: &Scene) -> [(String, FibreSpec); STOP
     match field.kind {
         Kind::Color { min, max, .. } if matches!(view, View::Tint(_)) => {
             let grey = |x: f64| with(Value::List(vec![x; 3]));
-            [("black".to_owned(), grey(min)), now, ("white".to_owned(), grey(max))]
+            let name = |x: f64| format!("{x},{x},{x}");
+            [(name(min), grey(min)), now, (name(max), grey(max))]
         }
         Kind::Number { min, max } if !matches!(view, View::Color | View::Strands) => {
             let unit = if field.unit == "degrees" { "°" } else { "" };

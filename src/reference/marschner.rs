@@ -338,9 +338,7 @@ impl Marschner {
             evaluation.pdf += drawn * m * azimuth.density;
             let value = choice.compensation[p] * projection * m;
             let n = tinted(&self.fibre, p, azimuth.value);
-            for c in 0..3 {
-                evaluation.f_cos[c] += value * n[c];
-            }
+            evaluation.f_cos = [0, 1, 2].map(|c| evaluation.f_cos[c] + value * n[c]);
         }
         evaluation
     }
