@@ -314,6 +314,22 @@ fn paths_through_painted_hair_are_those_of_its_fibre() {
     }
 }
 
+#[test]
+fn tints_are_of_painted_hair_too() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    let tints = ["--intensity-r", "2", "--intensity-tt", "0.5", "--tint-trt", "1,0.8,0.2"];
+    let shade = |more: &[&str]| captured(path, &[&LOOK[..], &tints, more].concat());
+    let [painted, bare] = painted_and_bare(path, TWO[0], shade, &[]);
+    println!("frame: painted {painted:.4?}, bare {bare:.4?}");
+    assert!(painted.0 < 0.01 && bare.0 > 0.05, "{painted:?} {bare:?}");
+    let traced = [&TRACED[..], &tints, &["--spp", "128"]].concat();
+    let trace = |more: &[&str]| referenced(path, &[&traced[..], more].concat());
+    let [painted, bare] = painted_and_bare(path, TWO[0], trace, &["--rng-seed", "1"]);
+    println!("path traced: mean ratio painted {:.4}, bare {:.4}", painted.1, bare.1);
+    assert!((painted.1 - 1.0).abs() < 0.015 && (bare.1 - 1.0).abs() > 0.03);
+}
+
 /// Dark roots and pale tips, rougher towards them: the frame against the path tracer, which know paint each for itself.
 #[test]
 fn a_painted_frame_is_as_near_to_its_truth_as_an_even_one() {
