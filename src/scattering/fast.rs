@@ -141,9 +141,9 @@ impl<'a> Fast<'a> {
         })
     }
 
-    /// What becomes of even light, RGB: ∫S cosθ_i dω_i of all modes, tinted. A lobe is taken to be narrow: its energy is that
-    /// at θ_d = θ_o, where energy compensation makes its integral right for a clear fibre. An eccentric fibre counts
-    /// as round.
+    /// What becomes of even light, RGB: ∫S cosθ_i dω_i of all modes, tinted. A lobe is taken to be narrow: its energy is
+    /// that at θ_d = θ_o, where energy compensation makes its integral right for a clear fibre. An eccentric fibre
+    /// counts as round.
     pub fn albedo(&self, theta_o: f64) -> [f64; 3] {
         let modes = self.model.modes().iter().map(|&mode| self.energy(mode, theta_o.cos()));
         modes.fold([0.0; 3], |sum, energy| [0, 1, 2].map(|c| sum[c] + energy[c]))

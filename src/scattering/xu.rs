@@ -4,7 +4,8 @@
 //! Angles: θ_o, θ_j in [−π/2, π/2]; φ = φ_o−φ_j in [−π, π]; `cos_sum` = cos(φ_o+φ_j), which only an
 //! eccentric fibre feels (azimuths count from the axis of the ellipse at which η* = η₁* of Eq 24).
 //! Every result is per unit of light coefficient L_j, cosθ_i included, with unit-integral M (no energy
-//! compensation, no tint: [`Modes::factors`]). On lavapipe a point and light costs 1.0 to 1.6 µs of one core for all four integrals.
+//! compensation, no tint: [`Modes::factors`]). On lavapipe a point and light costs 1.0 to 1.6 µs of one core for all
+//! four integrals.
 //!
 //! Relative L2 error against the exact model (reference/integral.rs; η 1.45–1.65, σ_a 0–3, λ_j 0.1–1, β_R 7.5°,
 //! m = 4): R 10 %, TT 3.5 %, TRT 9 %. An independent oracle gives the print 9, 11 and 22 %.
@@ -80,7 +81,8 @@ impl Modes {
     }
 }
 
-/// N_t(φ) of the fits on the specular cone of `theta`, tinted, per radian: what the method takes for a light of no width.
+/// N_t(φ) of the fits on the specular cone of `theta`, tinted, per radian: what the method takes for a light of no
+/// width.
 pub fn azimuthal(fibre: &Fibre, energy: Energy, theta: f64, phi: f64, cos_sum: f64) -> Modes {
     let fitter = Fitter::new(fibre, energy);
     let cos = (0.5 * phi).cos().abs();
