@@ -96,7 +96,7 @@ fn single_r(fibre: Fibre, theta_o: f32, light: Lobewise) -> f32 {
     let m = lengthwise(fibre, theta_o, 0u);
     let lobe = lobe_of(theta_o, light.theta, light.lambda, m.centre, m.lambda, SLOPE.x);
     var sum = 0.0;
-    for (var lit = lobe_share(lobe) > 0.0; lit; lit = false) {
+    for (var lit = has_mode(0u) && lobe_share(lobe) > 0.0; lit; lit = false) {
         let place = node_place(lobe);
         let eta = eta_place(fibre, fibre.eta);
         for (var k = 0u; k < fibre.nodes; k++) {
@@ -155,11 +155,11 @@ const FORWARD = false;
 // What all lights share at a point.
 struct Strand {
     theta_o: f32,
-    energy: vec3f,      // energy compensation of R, TT, TRT
+    factors: Modes,     // energy compensation and tint
 }
 
 fn strand_at(fibre: Fibre, theta_o: f32) -> Strand {
-    return Strand(theta_o, energy_compensation(fibre, theta_o));
+    return Strand(theta_o, factors(fibre, energy_compensation(fibre, theta_o)));
 }
 
 // Light that other strands have scattered is a light like any: src/field.
@@ -179,7 +179,7 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
         }
         set_exponent_max(most, arrival.least);
         let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
-        scattered = arriving * compensated(strand.energy, m);
+        scattered = arriving * sum_of(strand.factors, m);
     }
     return scattered;
 }

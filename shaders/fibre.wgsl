@@ -15,6 +15,7 @@ struct Fibre {
     eta_layers: u32,
     w_c: f32,             // bandwidth of TRT's own blur
     linked: u32,          // bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted
+    tint: array<vec3f, 3>, // RGB of R, TT, TRT towards the eye; longer paths take TRT's
 }
 
 // What a scene lacks costs nothing: set when the pipeline is made.
@@ -54,8 +55,14 @@ struct Modes {
     longer: vec3f,  // TRRT and all that is longer, in fibres that have it
 }
 
-fn compensated(energy: vec3f, modes: Modes) -> vec3f {
-    return energy.x * modes.r + energy.y * modes.tt + energy.z * modes.trt + modes.longer;
+// By what modes are multiplied: their energy compensation, and tint.
+fn factors(fibre: Fibre, energy: vec3f) -> Modes {
+    let tint = fibre.tint;
+    return Modes(energy.x * tint[0], energy.y * tint[1], energy.z * tint[2], tint[2]);
+}
+
+fn sum_of(by: Modes, modes: Modes) -> vec3f {
+    return by.r * modes.r + by.tt * modes.tt + by.trt * modes.trt + by.longer * modes.longer;
 }
 
 // Four numbers of an entry.

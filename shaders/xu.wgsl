@@ -191,11 +191,11 @@ const D_F = 0.7;
 
 struct Strand {
     theta_o: f32,
-    energy: vec3f,      // energy compensation of R, TT, TRT
+    factors: Modes,     // energy compensation and tint
 }
 
 fn strand_at(fibre: Fibre, theta_o: f32) -> Strand {
-    return Strand(theta_o, averages(theta_o).energy);
+    return Strand(theta_o, factors(fibre, averages(theta_o).energy));
 }
 
 fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> vec3f {
@@ -216,7 +216,7 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
         }
         if ((parts & SINGLE) != 0u) {
             let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
-            scattered += arrival.direct * compensated(strand.energy, m);
+            scattered += arrival.direct * sum_of(strand.factors, m);
         }
         if ((parts & LOCAL) != 0u) {
             scattered += back * arrival.direct
@@ -230,7 +230,7 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
         }
         if ((parts & GLOBAL) != 0u) {
             let m = global_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, sigma_f);
-            scattered += forward_energy * compensated(strand.energy, m);
+            scattered += forward_energy * sum_of(strand.factors, m);
         }
         if ((parts & LOCAL) != 0u) {
             scattered += back * forward_energy

@@ -307,6 +307,7 @@ impl Row<'_> {
             beta: beta.map(f64::to_radians),
             w_c: or("w_c", SQRT_2 * self.at("beta_n_deg").to_radians()),
             eccentricity: or("eccentricity", 1.0),
+            tint: Fibre::UNTINTED,
         }
     }
 

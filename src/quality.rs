@@ -131,7 +131,8 @@ impl Facts {
             Some(tables) => tables.clone(),
             None => tables_over(&FitLayers::new(method.fibres.base()), model, 2),
         };
-        let albedo = |fibre: &Fibre| Fast::new(fibre, model, &tables).albedo(MEAN_INCLINATION);
+        let albedo =
+            |fibre: &Fibre| Fast::new(&fibre.passed_on(), model, &tables).albedo(MEAN_INCLINATION);
         let sum: f64 = fibres.iter().flat_map(albedo).sum();
         let albedo = sum / (3 * fibres.len()) as f64;
         Facts { contrast: contrast(lights), albedo, width_px, multiple, integrator }

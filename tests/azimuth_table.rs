@@ -34,6 +34,7 @@ fn fibre() -> Fibre {
         beta: [0.13, 0.065, 0.26],
         w_c: 0.15,
         eccentricity: 1.0,
+        tint: Fibre::UNTINTED,
     }
 }
 

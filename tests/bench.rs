@@ -80,6 +80,7 @@ fn exact_wgsl_is_the_exact_integral() {
         beta: [7.5, 3.75, 15.0].map(f64::to_radians),
         w_c: 0.2,
         eccentricity: 1.0,
+        tint: Fibre::UNTINTED,
     };
     let model = Marschner::new(&fibre);
     let at = |i: u32| {

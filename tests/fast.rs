@@ -32,6 +32,7 @@ fn fibre(eta: f64, sigma_a: f64, beta_r_deg: f64) -> Fibre {
         beta: radians([beta_r_deg, 0.5 * beta_r_deg, 2.0 * beta_r_deg]),
         w_c: 0.2,
         eccentricity: 1.0,
+        tint: Fibre::UNTINTED,
     }
 }
 
@@ -68,7 +69,7 @@ fn error(
 }
 
 /// θ_o and θ_j to ±75°, the light where M_t can see it as often as not.
-fn places(count: usize) -> Vec<[f64; 3]> {
+pub(super) fn places(count: usize) -> Vec<[f64; 3]> {
     let limit = 75f64.to_radians();
     let at = |i: usize| {
         let u = low_discrepancy(i);

@@ -176,7 +176,8 @@ impl Random {
 }
 
 fn fibre(eta: f64, w_c: f64, eccentricity: f64) -> Fibre {
-    Fibre { eta, sigma_a: [0.0; 3], alpha: [0.0; 3], beta: [0.1; 3], w_c, eccentricity }
+    let (sigma_a, tint) = ([0.0; 3], Fibre::UNTINTED);
+    Fibre { eta, sigma_a, alpha: [0.0; 3], beta: [0.1; 3], w_c, eccentricity, tint }
 }
 
 /// f32 against f64 over everything at once. `HAIRLIGHT_SWEEP` is the number of tuples, ten million by hand.

@@ -30,6 +30,7 @@ mod reference_tracer;
 mod scattering;
 mod scene;
 mod srbf;
+mod tints;
 mod transport;
 mod wgsl;
 mod work;

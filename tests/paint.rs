@@ -179,7 +179,13 @@ fn painted_thickness_is_diameter() {
 fn the_shader_unpacks_the_fibre_of_a_point() {
     let gpu = Gpu::new("cpu").unwrap();
     let linked = scene(&["fibre.alpha_r_deg=-3"]);
-    let own = scene(&["fibre.beta_tt_deg=3", "fibre.alpha_trt_deg=7", "fibre.eccentricity=1.2"]);
+    let own = scene(&[
+        "fibre.beta_tt_deg=3",
+        "fibre.alpha_trt_deg=7",
+        "fibre.eccentricity=1.2",
+        "fibre.intensity_r=3",
+        "fibre.tint_trt=[0.5, 0.25, 0]",
+    ]);
     let points = [
         [0.5, 1.0, 2.0, 7.5, -2.5, 1.55, 1.0],
         [0.0, 0.1, 31.0, 0.05, 20.0, 1.0, 0.5],
@@ -202,7 +208,11 @@ fn the_shader_unpacks_the_fibre_of_a_point() {
         let run = |statement: &str| probe::run(&gpu, statement, &method, &inputs).unwrap();
         let lobes = run("let f = painted_fibre(fibre, x[0], x[1]);
             y[0] = vec4f(f.alpha, f.eta); y[1] = vec4f(f.lambda, f.eta_star.x); y[2] = vec4f(f.sigma_a, f.eta_star.y);");
-        for (point, out) in points.iter().zip(lobes) {
+        let tints = run("let f = painted_fibre(fibre, x[0], x[1]);
+            for (var t = 0u; t < 3u; t++) { y[t] = vec4f(f.tint[t], 0.0); }");
+        for ((point, out), tints) in points.iter().zip(lobes).zip(tints) {
+            let tint = [0, 1, 2].map(|t| [0, 1, 2].map(|c| f64::from(tints[4 * t + c])));
+            assert_eq!(tint, fibres.base().tint, "tints are of the whole groom");
             let wanted = fibres.fibre(PointFibre::from_f32(*point));
             let (mean, half) =
                 hairlight::scattering::azimuthal::eccentric_eta(wanted.eta, wanted.eccentricity);
@@ -302,6 +312,22 @@ fn paths_through_painted_hair_are_those_of_its_fibre() {
             assert!((bare.1 - 1.0).abs() > 0.03, "{name}, {bcsdf}: {bare:?}");
         }
     }
+}
+
+#[test]
+fn tints_are_of_painted_hair_too() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    let tints = ["--intensity-r", "2", "--intensity-tt", "0.5", "--tint-trt", "1,0.8,0.2"];
+    let shade = |more: &[&str]| captured(path, &[&LOOK[..], &tints, more].concat());
+    let [painted, bare] = painted_and_bare(path, TWO[0], shade, &[]);
+    println!("frame: painted {painted:.4?}, bare {bare:.4?}");
+    assert!(painted.0 < 0.01 && bare.0 > 0.05, "{painted:?} {bare:?}");
+    let traced = [&TRACED[..], &tints, &["--spp", "128"]].concat();
+    let trace = |more: &[&str]| referenced(path, &[&traced[..], more].concat());
+    let [painted, bare] = painted_and_bare(path, TWO[0], trace, &["--rng-seed", "1"]);
+    println!("path traced: mean ratio painted {:.4}, bare {:.4}", painted.1, bare.1);
+    assert!((painted.1 - 1.0).abs() < 0.015 && (bare.1 - 1.0).abs() > 0.03);
 }
 
 /// Dark roots and pale tips, rougher towards them: the frame against the path tracer, which know paint each for itself.

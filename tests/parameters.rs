@@ -130,11 +130,13 @@ fn the_plot_follows_an_edit_and_never_shows_what_was() {
 #[test]
 fn help_shows_what_a_parameter_does() {
     let mut window = window(Document::new(small(), None));
-    window.set_size(Vec2::new(1100.0, 900.0));
+    window.set_size(Vec2::new(1100.0, 1100.0));
     window.run_steps(3);
     for (label, words, said) in [
-        ("roughness R", ["0.05°", "now", "45°"], "What goes along the strand"),
-        ("tilt TT", ["-20°", "now", "20°"], "What goes along the strand"),
+        ("width R", ["0.05°", "now", "45°"], "What goes along the strand"),
+        ("shift TT", ["-20°", "now", "20°"], "What goes along the strand"),
+        ("intensity R", ["0", "now", "4"], "heights are square roots"),
+        ("colour TRT", ["0,0,0", "now", "1,1,1"], "own colour is multiplied by"),
         ("index of refraction", ["1", "now", "3"], "Lobes round the strand"),
         ("eccentricity", ["0.5", "now", "2"], "Lobes round the strand"),
         ("eumelanin", ["half", "now", "twice"], "Colour of the hair as a whole"),

@@ -64,6 +64,7 @@ fn fibre() -> Fibre {
         beta: [beta, 0.5 * beta, 2.0 * beta],
         w_c: 0.2,
         eccentricity: 1.0,
+        tint: Fibre::UNTINTED,
     }
 }
 

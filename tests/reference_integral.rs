@@ -28,6 +28,7 @@ fn fibre(sigma_a: f64, alpha_r: f64, beta_r: f64) -> Fibre {
         beta: [beta, 0.5 * beta, 2.0 * beta],
         w_c: 0.2,
         eccentricity: 1.0,
+        tint: Fibre::UNTINTED,
     }
 }
 

@@ -431,6 +431,8 @@ impl<A: FibreModel, B: FibreModel> FibreModel for Mismatched<A, B> {
 }
 
 const SAMPLES: usize = 100_000;
+/// R bright, TT gone, TRT red.
+const TINT: [[f64; 3]; 3] = [[3.0; 3], [0.0; 3], [1.0, 0.1, 0.05]];
 
 #[test]
 fn samples_follow_their_density() {
@@ -445,6 +447,7 @@ fn samples_follow_their_density() {
         ("grazing the other way", fibre(BLOND, -4.0, 10.0), -1.5, Some(0.95)),
         ("bare caustic", Fibre { w_c: 0.0, ..fibre([0.0; 3], 0.0, 10.0) }, 0.3, Some(0.0)),
         ("eccentric", Fibre { eccentricity: 0.85, ..fibre([0.0; 3], 0.0, 10.0) }, 0.3, Some(0.6)),
+        ("tinted", Fibre { tint: TINT, ..fibre(BLOND, 3.0, 7.5) }, 0.4, Some(0.2)),
     ];
     // Hery's density knows neither h nor what blurs TRT.
     let for_hery = |name: &str| !["dark", "bare caustic", "eccentric"].contains(&name);

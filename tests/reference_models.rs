@@ -21,7 +21,7 @@ const CLEAR: [f64; 3] = [0.0; 3];
 const BROWN: [f64; 3] = [0.3, 0.6, 1.4];
 
 fn fibre(sigma_a: [f64; 3], beta: [f64; 3], alpha: [f64; 3]) -> Fibre {
-    Fibre { eta: 1.55, sigma_a, alpha, beta, w_c: 0.2, eccentricity: 1.0 }
+    Fibre { eta: 1.55, sigma_a, alpha, beta, w_c: 0.2, eccentricity: 1.0, tint: Fibre::UNTINTED }
 }
 
 /// Marschner's ratios of widths and of shifts.
@@ -320,7 +320,9 @@ fn samples_follow_the_stated_density() {
     let brown = |m, n, degrees: f64| Chiang::new(m, n, degrees.to_radians(), 1.55, BROWN);
     let deon = |beta, sigma| Deon::new(&linked(BROWN, beta, -0.05), sigma, 3);
     type Case = (&'static str, Box<dyn FibreModel>, f64, Option<f64>);
-    let cases: [Case; 9] = [
+    let tint = [[3.0; 3], [0.0; 3], [1.0, 0.1, 0.05]];
+    let tinted = Fibre { tint, ..linked(BROWN, 0.13, -0.05) };
+    let cases: [Case; 10] = [
         ("chiang 0.3 0.3", Box::new(brown(0.3, 0.3, 2.0)), 0.4, Some(0.3)),
         ("chiang 0.02 0.02", Box::new(brown(0.02, 0.02, 2.0)), -0.6, Some(-0.7)),
         ("chiang 0.02 0.02 grazing", Box::new(brown(0.02, 0.02, -5.0)), 1.5, Some(0.1)),
@@ -330,6 +332,7 @@ fn samples_follow_the_stated_density() {
         ("deon 0.02", Box::new(deon(0.02, 0.02)), -0.8, Some(0.6)),
         ("deon grazing", Box::new(deon(0.13, 0.4)), 1.5, Some(0.5)),
         ("deon wide", Box::new(deon(0.5, 1.5)), 0.2, Some(-0.99)),
+        ("deon tinted", Box::new(Deon::conserving(&tinted, 0.2, 4)), 0.5, None),
     ];
     let least = sidak(0.01, cases.len());
     for (k, (name, model, theta_o, h)) in cases.into_iter().enumerate() {

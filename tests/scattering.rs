@@ -29,6 +29,7 @@ pub fn fibre(sigma_a: f64, alpha_r_deg: f64, beta_r_deg: f64) -> Fibre {
         beta: [beta, 0.5 * beta, 2.0 * beta],
         w_c: 0.2,
         eccentricity: 1.0,
+        tint: Fibre::UNTINTED,
     }
 }
 

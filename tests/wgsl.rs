@@ -39,6 +39,7 @@ pub(super) fn fibre(sigma_a: [f64; 3], beta_deg: f64, eccentricity: f64) -> Fibr
         beta: radians([beta_deg, 0.5 * beta_deg, 2.0 * beta_deg]),
         w_c: 0.2,
         eccentricity,
+        tint: Fibre::UNTINTED,
     }
 }
 
@@ -452,6 +453,7 @@ fn layouts_and_constants_are_those_of_rust() {
         ("eta_layers", offset_of!(FibreUniform, eta_layers)),
         ("w_c", offset_of!(FibreUniform, w_c)),
         ("linked", offset_of!(FibreUniform, linked)),
+        ("tint", offset_of!(FibreUniform, tint)),
     ];
     assert_eq!(offsets, expected);
     assert_eq!(*span as usize, size_of::<FibreUniform>());

@@ -152,8 +152,11 @@ fn a_specialised_pipeline_shows_what_the_general_one_shows() {
         ("single", "blond", 1.0, SINGLE),
         ("black", "black", 1.0, ALL),
         ("black single", "black", 1.0, SINGLE),
+        ("no R", "blond", 1.0, ALL),
     ] {
-        let data = MethodData::fast(&fibre(preset, eccentricity).resolve(), Model::Marschner, 2);
+        let mut of = fibre(preset, eccentricity);
+        of.intensity_r = if name == "no R" { 0.0 } else { 1.0 };
+        let data = MethodData::fast(&of.resolve(), Model::Marschner, 2);
         let general = pixels(&data.clone().as_general(), parts);
         let error = relative_l2(&pixels(&data, parts), &general);
         println!("{name}: modes {:b}, relative L2 {error:.1e}", data.modes);

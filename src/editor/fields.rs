@@ -62,12 +62,18 @@ fn name(field: &Field) -> String {
         "fibre.sigma_a" => "absorption".to_owned(),
         "fibre.w_c" => "glint width".to_owned(),
         "fibre.model" => "fibre model".to_owned(),
-        "fibre.beta_r_deg" => "roughness R".to_owned(),
-        "fibre.beta_tt_deg" => "roughness TT".to_owned(),
-        "fibre.beta_trt_deg" => "roughness TRT".to_owned(),
-        "fibre.alpha_r_deg" => "tilt R".to_owned(),
-        "fibre.alpha_tt_deg" => "tilt TT".to_owned(),
-        "fibre.alpha_trt_deg" => "tilt TRT".to_owned(),
+        "fibre.tint_r" => "colour R".to_owned(),
+        "fibre.tint_tt" => "colour TT".to_owned(),
+        "fibre.tint_trt" => "colour TRT".to_owned(),
+        "fibre.intensity_r" => "intensity R".to_owned(),
+        "fibre.intensity_tt" => "intensity TT".to_owned(),
+        "fibre.intensity_trt" => "intensity TRT".to_owned(),
+        "fibre.beta_r_deg" => "width R".to_owned(),
+        "fibre.beta_tt_deg" => "width TT".to_owned(),
+        "fibre.beta_trt_deg" => "width TRT".to_owned(),
+        "fibre.alpha_r_deg" => "shift R".to_owned(),
+        "fibre.alpha_tt_deg" => "shift TT".to_owned(),
+        "fibre.alpha_trt_deg" => "shift TRT".to_owned(),
         "fibre.color" => "hair colour".to_owned(),
         "hair.source" => "hair".to_owned(),
         "head.source" => "head".to_owned(),
@@ -116,7 +122,7 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
                 ui.add(DragValue::new(&mut y).range(min..=max).speed(0.01 * x.abs().max(0.01)))
             } else {
                 // From 0 on, hundredths are the least that counts.
-                let wide = min >= 0.0 && max / min.max(0.01) > 200.0;
+                let wide = min >= 0.0 && max / min.max(0.01) > 500.0;
                 let slider = Slider::new(&mut y, min..=max).suffix(suffix).logarithmic(wide);
                 ui.add(slider.smallest_positive(0.01))
             };
@@ -145,11 +151,11 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
                 });
             shown.response
         }
-        (Kind::Color { .. }, Value::List(rgb)) => {
+        (Kind::Color { min, max, .. }, Value::List(rgb)) => {
             let mut color = [0, 1, 2].map(|k| rgb.get(k).copied().unwrap_or(0.0) as f32);
             let response = ui.color_edit_button_rgb(&mut color);
             if response.changed() {
-                let held = color.map(|c| f64::from(c).clamp(0.001, 0.999));
+                let held = color.map(|c| f64::from(c).clamp(min, max));
                 *next = Some(Value::List(held.to_vec()));
             }
             response

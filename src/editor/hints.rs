@@ -23,6 +23,10 @@ const SIZE: Vec2 = Vec2::new(92.0, 76.0);
 enum View {
     /// Lobes along the strand, one of them emphasised.
     Along(usize),
+    /// The same, that one by how bright it is.
+    Bright(usize),
+    /// The colour that a lobe is multiplied by.
+    Tint(usize),
     /// Lobes across it.
     Across,
     /// The colour of the hair as a whole.
@@ -46,7 +50,7 @@ impl Hints {
         let of = (key.to_owned(), scene.fibre.clone());
         let fibres: Vec<FibreSpec> = stops.iter().map(|(_, fibre)| fibre.clone()).collect();
         let lobes = match view {
-            View::Along(_) | View::Across => {
+            View::Along(_) | View::Bright(_) | View::Across => {
                 let render = scene.render.clone();
                 let made = self.lobes.get(ui.ctx(), &of, Duration::ZERO, move |_| {
                     let subject = |fibre| Subject { fibre, render: render.clone(), theta_i: 0.0 };
@@ -54,7 +58,7 @@ impl Hints {
                 });
                 made.filter(|(_, newest)| *newest).map(|(lobes, _)| lobes.as_slice())
             }
-            View::Color | View::Strands => None,
+            View::Tint(_) | View::Color | View::Strands => None,
         };
         ui.set_max_width(STOPS as f32 * (SIZE.x + ui.spacing().item_spacing.x));
         ui.horizontal(|ui| {
@@ -67,10 +71,12 @@ impl Hints {
             }
         });
         ui.weak(match view {
-            View::Along(_) | View::Across if lobes.is_none() => "…",
+            View::Along(_) | View::Bright(_) | View::Across if lobes.is_none() => "…",
             View::Along(_) => {
                 "What goes along the strand, root to tip, of light from straight on; each lobe over its own peak"
             }
+            View::Bright(_) => "What goes along the strand, root to tip; heights are square roots",
+            View::Tint(_) => "What the lobe's own colour is multiplied by",
             View::Across => {
                 "Lobes round the strand, light from the right; the radius is a square root"
             }
@@ -85,6 +91,10 @@ fn picture(ui: &Ui, rect: Rect, view: View, k: usize, fibre: &FibreSpec, lobes: 
     let whole = swatch(assembly_color(fibre.pigment.sigma_a()));
     match view {
         View::Color => _ = painter.rect_filled(rect, 3.0, whole),
+        View::Tint(lobe) => {
+            let tint = [fibre.tint_r, fibre.tint_tt, fibre.tint_trt][lobe];
+            painter.rect_filled(rect, 3.0, swatch(tint));
+        }
         View::Strands => {
             for strand in 0..STRANDS {
                 let x = (strand as f32 + 0.5) / STRANDS as f32 * rect.width();
@@ -92,16 +102,21 @@ fn picture(ui: &Ui, rect: Rect, view: View, k: usize, fibre: &FibreSpec, lobes: 
                 painter.vline(rect.left() + x, rect.y_range(), Stroke::new(width, whole));
             }
         }
-        View::Along(lobe) => {
+        View::Along(lobe) | View::Bright(lobe) => {
             along_frame(ui, rect, 0.0);
-            let Some(lobes) = lobes.and_then(|lobes| lobes.get(k)) else { return };
+            let Some(all) = lobes.filter(|lobes| lobes.len() == STOPS) else { return };
+            let lobes = &all[k];
             let stroke = |p: usize| match p {
                 _ if p == lobe => Stroke::new(2.0, color(ui, p)),
                 0..3 => Stroke::new(0.7, color(ui, p).gamma_multiply(0.7)),
                 _ => Stroke::NONE,
             };
-            let rim =
-                |p: usize| lobes.along.iter().map(|(_, values)| values[p]).fold(0.0, f64::max);
+            let peak =
+                |of: &Lobes, p: usize| of.along.iter().map(|(_, v)| v[p]).fold(0.0, f64::max);
+            let rim = |p: usize| match view {
+                View::Bright(own) if own == p => peak(&all[STOPS - 1], p),
+                _ => peak(lobes, p),
+            };
             along_lines(painter, rect, &lobes.along, &Pen { stroke: &stroke, rim: &rim });
         }
         View::Across => {
@@ -121,6 +136,12 @@ fn view(key: &str) -> Option<View> {
         "fibre.beta_r_deg" | "fibre.alpha_r_deg" => View::Along(0),
         "fibre.beta_tt_deg" | "fibre.alpha_tt_deg" => View::Along(1),
         "fibre.beta_trt_deg" | "fibre.alpha_trt_deg" => View::Along(2),
+        "fibre.intensity_r" => View::Bright(0),
+        "fibre.intensity_tt" => View::Bright(1),
+        "fibre.intensity_trt" => View::Bright(2),
+        "fibre.tint_r" => View::Tint(0),
+        "fibre.tint_tt" => View::Tint(1),
+        "fibre.tint_trt" => View::Tint(2),
         "fibre.w_c" | "fibre.eta" | "fibre.eccentricity" => View::Across,
         "fibre.sigma_a" | "fibre.eumelanin" | "fibre.pheomelanin" | "fibre.color" => View::Color,
         "fibre.diameter" => View::Strands,
@@ -139,7 +160,12 @@ fn stops(field: &Field, view: View, scene: &Scene) -> [(String, FibreSpec); STOP
     };
     let now = ("now".to_owned(), scene.fibre.clone());
     match field.kind {
-        Kind::Number { min, max } if matches!(view, View::Along(_) | View::Across) => {
+        Kind::Color { min, max, .. } if matches!(view, View::Tint(_)) => {
+            let grey = |x: f64| with(Value::List(vec![x; 3]));
+            let name = |x: f64| format!("{x},{x},{x}");
+            [(name(min), grey(min)), now, (name(max), grey(max))]
+        }
+        Kind::Number { min, max } if !matches!(view, View::Color | View::Strands) => {
             let unit = if field.unit == "degrees" { "°" } else { "" };
             let [least, most] = [min, max].map(|x| (format!("{x}{unit}"), with(Value::Number(x))));
             [least, now, most]

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::scattering::azimuthal::wrap;
 use crate::scattering::fast::Fast;
+use crate::scattering::xu::Modes;
 use crate::srbf::{SrbfLight, lobe_integral};
 
 /// Places of a table over θ_o, θ_j and |φ| of what a strand makes of an ordinate.
@@ -32,14 +33,13 @@ fn angles(t: DVec3, omega: DVec3) -> (f64, f64) {
 /// of a cell: φ_o+φ_j counts as 90°, halfway between its axes.
 fn scattered(
     fast: &Fast,
-    energy: &[f64; 3],
+    factors: &Modes,
     theta_o: f64,
     theta_j: f64,
     phi: f64,
     lambda: f64,
 ) -> [f64; 3] {
-    let m = fast.single_scattering(theta_o, theta_j, phi, 0.0, lambda);
-    [0, 1, 2].map(|c| energy[0] * m.r[c] + energy[1] * m.tt[c] + energy[2] * m.trt[c] + m.longer[c])
+    fast.single_scattering(theta_o, theta_j, phi, 0.0, lambda).times(factors).sum()
 }
 
 fn rgb(value: [f64; 3]) -> Vec3A {
@@ -54,10 +54,10 @@ impl Table {
         let theta = |k: usize| PI * (k as f64 / (THETAS - 1) as f64 - 0.5);
         let rows = (0..THETAS * THETAS).into_par_iter().flat_map_iter(|row| {
             let (theta_o, theta_j) = (theta(row / THETAS), theta(row % THETAS));
-            let energy = fast.energy_compensation(theta_o);
+            let factors = fast.factors(theta_o);
             (0..PHIS).map(move |k| {
                 let phi = PI * k as f64 / (PHIS - 1) as f64;
-                rgb(scattered(fast, &energy, theta_o, theta_j, phi, lambda))
+                rgb(scattered(fast, &factors, theta_o, theta_j, phi, lambda))
             })
         });
         Table(rows.collect())
@@ -109,13 +109,12 @@ pub(super) fn exchanges(
             let scale = rgb(fast.albedo(theta_o)) / sum.max(Vec3A::splat(f32::MIN_POSITIVE));
             row.iter_mut().for_each(|value| *value *= scale);
         }
-        let energies: Vec<_> =
-            outward.iter().map(|&(theta_o, _)| fast.energy_compensation(theta_o)).collect();
+        let factors: Vec<_> = outward.iter().map(|&(theta_o, _)| fast.factors(theta_o)).collect();
         let of_light = |light: &SrbfLight| {
             let (theta_j, phi_j) = seen(light);
-            let values = outward.iter().zip(&energies).map(|(&(theta_o, phi_o), energy)| {
+            let values = outward.iter().zip(&factors).map(|(&(theta_o, phi_o), factors)| {
                 let phi = wrap(phi_o - phi_j);
-                let value = scattered(fast, energy, theta_o, theta_j, phi, light.lambda);
+                let value = scattered(fast, factors, theta_o, theta_j, phi, light.lambda);
                 rgb(value) * rgb(light.rgb)
             });
             values.collect::<Vec<_>>()

@@ -52,8 +52,9 @@ impl<'a> Twin<'a> {
         Self { fibres, model, tables }
     }
 
+    /// What a fibre sends on to others.
     fn of(&self, fibre: &Fibre) -> Fast<'a> {
-        Fast::new(fibre, self.model, self.tables)
+        Fast::new(&fibre.passed_on(), self.model, self.tables)
     }
 }
 

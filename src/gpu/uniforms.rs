@@ -26,6 +26,8 @@ pub struct FibreUniform {
     /// Bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted.
     pub linked: u32,
     _pad: u32,
+    /// RGB of R, TT, TRT, each with a number that is not read.
+    pub tint: [[f32; 4]; 3],
 }
 
 impl FibreUniform {
@@ -50,6 +52,7 @@ impl FibreUniform {
             w_c: fibre.w_c as f32,
             linked,
             _pad: 0,
+            tint: fibre.tint.map(|[r, g, b]| [r as f32, g as f32, b as f32, 0.0]),
         }
     }
 }

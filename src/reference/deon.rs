@@ -77,11 +77,17 @@ struct Lobe {
     m: Longitudinal,
     /// By which θ_o is turned back: 2α_p.
     shift: Inclination,
+    /// By which A_p is multiplied.
+    tint: [f64; 3],
 }
 
 impl Lobe {
     fn density(&self, i: &Inclination, o: &Inclination) -> f64 {
         self.m.density(i, &o.less(&self.shift))
+    }
+
+    fn tinted(&self, a: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|c| self.tint[c] * a[c])
     }
 }
 
@@ -129,7 +135,8 @@ impl Deon {
         // The last lobe has the roughness of the one before.
         let rest = (of(lobes - 1).0, 0.0);
         let blur = Gaussian(Detector::Wrapped { sigma: beta_n.max(SIGMA_MIN) });
-        Rough::of(fibre.eta, fibre.sigma_a, (0..lobes).map(of).chain([rest]), blur, paths)
+        let lobes = (0..lobes).map(of).chain([rest]);
+        Rough::of(fibre.eta, fibre.sigma_a, lobes, blur, paths).tinted(fibre)
     }
 }
 
@@ -146,9 +153,18 @@ impl<B: Blur> Rough<B> {
             .map(|(v, alpha)| Lobe {
                 m: Longitudinal::new(v),
                 shift: Inclination::new(2.0 * alpha),
+                tint: [1.0; 3],
             })
             .collect();
         Self { eta, sigma_a, lobes, blur, paths }
+    }
+
+    /// The same with the lobes' tints of `fibre`.
+    pub(super) fn tinted(mut self, fibre: &Fibre) -> Self {
+        for (p, lobe) in self.lobes.iter_mut().enumerate() {
+            lobe.tint = fibre.tints()[p.min(3)];
+        }
+        self
     }
 
     /// The cross section that light of these inclinations meets.
@@ -165,6 +181,12 @@ impl<B: Blur> Rough<B> {
         Slice::new(self.eta, self.sigma_a, &Inclination::from(o)).at(h)
     }
 
+    /// What each lobe has of all light that comes along `crossing`, the mean over channels.
+    fn shares(&self, crossing: &Crossing) -> impl Iterator<Item = f64> {
+        let series = crossing.series(self.lobes.len() - 1);
+        self.lobes.iter().zip(series).map(|(lobe, a)| mean(lobe.tinted(a)))
+    }
+
     /// [`FibreModel::evaluate`], the density by the lobes' shares of `choice`.
     fn evaluate_with(&self, o: &Direction, i: &Direction, h: f64, choice: &Crossing) -> Evaluation {
         let difference;
@@ -179,8 +201,10 @@ impl<B: Blur> Rough<B> {
         let phi = i.phi - o.phi;
         let last = self.lobes.len() - 1;
         let mut result = Evaluation::default();
-        let attenuations = value.series(last).zip(choice.series(last));
+        let mut total = 0.0;
+        let attenuations = value.series(last).zip(self.shares(choice));
         for (p, (lobe, (a, share))) in self.lobes.iter().zip(attenuations).enumerate() {
+            total += share;
             let m = lobe.density(&inclination_i, &inclination_o);
             if m == 0.0 {
                 continue;
@@ -189,12 +213,13 @@ impl<B: Blur> Rough<B> {
                 m * if p < last { self.blur.density(wrap(phi - azimuth)) } else { 1.0 / TAU }
             };
             let at_value = density(value.azimuth(p));
+            let a = lobe.tinted(a);
             result.f_cos = std::array::from_fn(|c| result.f_cos[c] + a[c] * at_value);
             let at_choice =
                 if self.paths == Paths::OfView { at_value } else { density(choice.azimuth(p)) };
-            result.pdf += mean(share) * at_choice;
+            result.pdf += share * at_choice;
         }
-        result.pdf /= choice.total();
+        result.pdf /= total.max(f64::MIN_POSITIVE);
         result
     }
 
@@ -229,6 +254,7 @@ impl<B: Blur> Rough<B> {
             for (gamma, weight) in RULE.on(a, a + width) {
                 let density = 0.5 * weight * gamma.cos() * detector.density(apart(gamma));
                 let attenuation = slice.at(gamma.sin()).attenuation(p, last);
+                let attenuation = self.lobes[p].tinted(attenuation);
                 sum = std::array::from_fn(|c| sum[c] + density * attenuation[c]);
             }
         }
@@ -256,7 +282,8 @@ impl<B: Blur> Rough<B> {
             (0..SERIES_PANELS).flat_map(|k| SERIES_RULE.on(step * k as f64, step * (k + 1) as f64))
         {
             let crossing = slice.at(gamma.sin());
-            let a = crossing.attenuation(p, last).map(|a| a * weight * gamma.cos() / PI);
+            let a = self.lobes[p].tinted(crossing.attenuation(p, last));
+            let a = a.map(|a| a * weight * gamma.cos() / PI);
             let azimuth = if sigma.is_finite() { crossing.azimuth(p) } else { 0.0 };
             for (k, sum) in sums.iter_mut().enumerate() {
                 let cos = (k as f64 * azimuth).cos();
@@ -282,7 +309,7 @@ impl<B: Blur> FibreModel for Rough<B> {
 
     fn path(&self, p: usize, h: f64, section: &Section) -> Path {
         let crossing = self.slice(section.theta_i, section.theta_o).at(h);
-        let attenuation = crossing.attenuation(p, self.lobes.len() - 1);
+        let attenuation = self.lobes[p].tinted(crossing.attenuation(p, self.lobes.len() - 1));
         Path { attenuation, azimuth: crossing.azimuth(p) }
     }
 
@@ -313,11 +340,11 @@ impl<B: Blur> FibreModel for Rough<B> {
     fn sample(&self, o: &Direction, h: f64, u: [f64; 4]) -> Option<Sample> {
         let choice = self.choice(o, h);
         let last = self.lobes.len() - 1;
-        let mut left = u[0] * choice.total();
-        let p = choice
-            .series(last)
-            .position(|a| {
-                left -= mean(a);
+        let mut left = u[0] * self.shares(&choice).sum::<f64>();
+        let p = self
+            .shares(&choice)
+            .position(|share| {
+                left -= share;
                 left < 0.0
             })
             // Rounding left some: the last lobe.
@@ -408,13 +435,6 @@ impl Crossing {
     /// A_p, or the rest of the series at p = last.
     fn attenuation(&self, p: usize, last: usize) -> [f64; 3] {
         self.series(last).nth(p).unwrap_or_default()
-    }
-
-    /// The mean over channels of all light that leaves.
-    fn total(&self) -> f64 {
-        let passed = (1.0 - self.f) * (1.0 - self.f);
-        let inside: [f64; 3] = std::array::from_fn(|c| self.endless(passed * self.t[c], c));
-        self.f + mean(inside)
     }
 
     /// A geometric series that starts with `first` and falls by fT; at f = T = 1 no light came in.

@@ -55,7 +55,7 @@ const INCLINATION_ROWS: usize = 129;
 /// Rows of Z_p over θ_o in [−π/2, π/2], see [`theta_to_x`].
 const KEPT_ROWS: usize = 2049;
 
-/// Every lobe is drawn at least this often, relative to the whole.
+/// Every lobe that is not tinted black is drawn at least this often, relative to the whole.
 const SHARE_MIN: f64 = 0.01;
 
 /// A lobe of which less than this lies within ±π/2 is not drawn: it holds no light.
@@ -85,7 +85,7 @@ pub struct Marschner {
 /// What samples are drawn by. The density is that of the draw whichever fibre this was made for.
 #[derive(Debug)]
 struct Drawing {
-    /// A_p over |h|, the sum over RGB of a round fibre; rows over cosθ_d.
+    /// A_p over |h|, tinted, the sum over RGB of a round fibre; rows over cosθ_d.
     offsets: [Densities; 3],
     /// cos²θ_i/cos²θ_d times the mean of A_p over h, over the cumulative share of M_p's Gaussian; rows over θ_o.
     inclinations: [Densities; 3],
@@ -154,7 +154,9 @@ impl Marschner {
         let offsets = [0, 1, 2].map(|p| {
             Densities::new(OFFSET_ROWS, |y| {
                 let cross = CrossSection::new(fibre, fibre.eta, y.max(COS_GRAZING).powi(2));
-                move |h| cross.attenuation(p, h).iter().sum::<f64>().max(ENERGY_LEAST)
+                move |h| {
+                    tinted(fibre, p, cross.attenuation(p, h)).iter().sum::<f64>().max(ENERGY_LEAST)
+                }
             })
         });
         // cos²θ_i/cos²θ_d and the row of θ_d, by the share of lobe p below θ_i.
@@ -295,7 +297,8 @@ impl Marschner {
         }
         let floor = SHARE_MIN * choice.share.iter().sum::<f64>();
         for (p, &inside) in inside.iter().enumerate() {
-            let drawn = choice.gaussian[p].inside > INSIDE_MIN && inside > 0.0;
+            let lit = self.fibre.tint[p] != [0.0; 3];
+            let drawn = lit && choice.gaussian[p].inside > INSIDE_MIN && inside > 0.0;
             choice.share[p] = if drawn { choice.share[p] + floor } else { 0.0 };
         }
         let total = choice.share.iter().sum::<f64>();
@@ -334,9 +337,8 @@ impl Marschner {
             let drawn = choice.scale[p] * self.drawing.inclinations[p].value(choice.row, u);
             evaluation.pdf += drawn * m * azimuth.density;
             let value = choice.compensation[p] * projection * m;
-            for c in 0..3 {
-                evaluation.f_cos[c] += value * azimuth.value[c];
-            }
+            let n = tinted(&self.fibre, p, azimuth.value);
+            evaluation.f_cos = [0, 1, 2].map(|c| evaluation.f_cos[c] + value * n[c]);
         }
         evaluation
     }
@@ -411,7 +413,8 @@ impl FibreModel for Marschner {
 
     fn path(&self, p: usize, h: f64, section: &Section) -> Path {
         let cross = self.cross_section(p, section_cos2_d(section), section.phi_h);
-        Path { attenuation: cross.attenuation(p, h), azimuth: cross.azimuth(p, h) }
+        let attenuation = tinted(&self.fibre, p, cross.attenuation(p, h));
+        Path { attenuation, azimuth: cross.azimuth(p, h) }
     }
 
     fn detector(&self, p: usize) -> Detector {
@@ -421,14 +424,15 @@ impl FibreModel for Marschner {
     fn azimuthal(&self, p: usize, phi: f64, section: &Section) -> [f64; 3] {
         let cross = self.cross_section(p, section_cos2_d(section), section.phi_h);
         let (sin_half, cos_half) = (0.5 * wrap(phi)).sin_cos();
-        match (p, self.detector) {
+        let bare = match (p, self.detector) {
             (0, _) => r(&cross, sin_half, cos_half, |_| 1.0).value,
             (1, _) => tt(&cross, sin_half.abs(), cos_half, |_| 1.0).value,
             (_, Detector::Circular { kappa }) => {
                 blurred_trt(&self.drawing.rule, &cross, phi, kappa).map(|n| n * self.detector_peak)
             }
             _ => caustic(&cross, phi, |_| 1.0).value,
-        }
+        };
+        tinted(&self.fibre, p, bare)
     }
 
     fn evaluate(&self, o: &Direction, i: &Direction, h: f64) -> Evaluation {
@@ -460,6 +464,11 @@ fn section_cos2_d(section: &Section) -> f64 {
 fn cos2_d(o: &Direction, i: &Direction) -> f64 {
     let cos_2d = i.cos_theta * o.cos_theta + i.sin_theta * o.sin_theta;
     (0.5 + 0.5 * cos_2d).max(0.25 * i.cos_theta * i.cos_theta).max(1e-34)
+}
+
+/// What lobe p of a fibre has, times its tint.
+fn tinted(fibre: &Fibre, p: usize, rgb: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|c| fibre.tint[p][c] * rgb[c])
 }
 
 /// The cross section at one θ_d: what A_p and Φ_p depend on.

@@ -36,6 +36,8 @@ pub const DEON_LOBES: usize = 4;
 pub struct Models<'a> {
     /// Of the scene's own.
     base: ModelThere<'a>,
+    /// The same of what goes on to other strands, where that is another.
+    passed_on: Option<ModelThere<'a>>,
     painted: Option<Painted<'a>>,
 }
 
@@ -65,7 +67,7 @@ impl ModelThere<'_> {
 impl<'a> Models<'a> {
     /// One for all hair.
     pub fn even(model: &'a dyn FibreModel) -> Self {
-        Self { base: ModelThere::Lent(model), painted: None }
+        Self { base: ModelThere::Lent(model), passed_on: None, painted: None }
     }
 
     /// Of the scene's fibre as `spec` has it, and of what is painted in `fibres`.
@@ -78,7 +80,8 @@ impl<'a> Models<'a> {
             let some: Vec<_> = fibres.points().iter().step_by(step).map(|p| p.to_f32()).collect();
             let (usual, _) = paint::cluster(&some, DRAWN);
             let fibre = |&numbers| fibres.fibre(PointFibre::from_f32(numbers));
-            let models = usual.iter().map(|numbers| Marschner::compensated(&fibre(numbers)));
+            let models =
+                usual.iter().map(|numbers| Marschner::compensated(&fibre(numbers).passed_on()));
             (models.collect(), ClearRange::new(fibres.eta_range()))
         };
         let painted = fibres.painted().then(|| Painted {
@@ -86,7 +89,10 @@ impl<'a> Models<'a> {
             fibres,
             marschner: (spec.model == Bcsdf::Marschner).then(marschner),
         });
-        Self { base: ModelThere::Own(model_of(spec)), painted }
+        let own = spec.resolve();
+        let passed_on = own.passed_on();
+        let passed_on = (passed_on != own).then(|| ModelThere::Own(model_for(spec, &passed_on)));
+        Self { base: ModelThere::Own(model_for(spec, &own)), passed_on, painted }
     }
 
     /// Whether h is the ray's own.
@@ -94,13 +100,16 @@ impl<'a> Models<'a> {
         self.base.model().near_field()
     }
 
-    /// `along` the way from strand point `point` to the next, to be seen from `theta_o` alone.
-    pub fn there(&self, point: u32, along: f32, theta_o: f64) -> ModelThere<'_> {
+    /// `along` the way from strand point `point` to the next, to be seen from `theta_o` alone, by the eye or by what
+    /// light goes on to.
+    pub fn there(&self, point: u32, along: f32, theta_o: f64, by_eye: bool) -> ModelThere<'_> {
         let Some(Painted { spec, fibres, marschner }) = &self.painted else {
-            return ModelThere::Lent(self.base.model());
+            let passed_on = self.passed_on.as_ref().filter(|_| !by_eye);
+            return ModelThere::Lent(passed_on.unwrap_or(&self.base).model());
         };
         let [a, b] = [point, point + 1].map(|i| fibres.points()[i as usize]);
         let fibre = fibres.fibre(a.mix(b, along));
+        let fibre = if by_eye { fibre } else { fibre.passed_on() };
         let nearest = marschner.as_ref().and_then(|(usual, clear)| {
             let away = |model: &&Marschner| apart(model.fibre(), &fibre);
             let nearest = usual.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
@@ -135,13 +144,14 @@ fn model_for(spec: &FibreSpec, fibre: &Fibre) -> Box<dyn FibreModel> {
         Bcsdf::Chiang => {
             let (beta_m, beta_n) = Chiang::matching(fibre);
             let own = spec.chiang;
-            Box::new(Chiang::new(
+            let bare = Chiang::new(
                 own.beta_m.unwrap_or(beta_m),
                 own.beta_n.unwrap_or(beta_n),
                 own.alpha_deg.map_or(fibre.alpha[0], f64::to_radians),
                 fibre.eta,
                 fibre.sigma_a,
-            ))
+            );
+            Box::new(bare.tinted(fibre))
         }
     }
 }

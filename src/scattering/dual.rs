@@ -17,6 +17,7 @@
 //!   Eq 29 takes Δ̄_b and σ̄_b from them without the 2. All angles in [`AverageTable`] are those of θ.
 //! - The leading 2 of S_back is Marschner's doubling and goes with it: ∫S_back is Ā_b.
 //! - One Δ̄_b and one σ̄_b serve all three channels, their means weighted by Ā_b.
+//! - Tints count up to 1: averages are of light that goes on to other strands ([`Fibre::passed_on`]).
 
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
@@ -194,6 +195,7 @@ fn average(
         let (near, far) = (shares[d][c][t], shares[d + 1][c][t]);
         [0, 1].map(|side: usize| near[side] + f * (far[side] - near[side]))
     };
+    let passed_on = fibre.passed_on();
     // a[c][t][f, b], the clear fibre last.
     let mut a = [[[0.0; 2]; 3]; 4];
     for t in 0..3 {
@@ -210,7 +212,9 @@ fn average(
         // A lobe thrown past ±π/2 as a whole scatters nothing.
         let kept = a[3][t].iter().sum::<f64>().max(1e-12);
         let scale = shares_at(theta, 3, t).iter().sum::<f64>() / kept;
-        a.iter_mut().for_each(|c| c[t] = c[t].map(|x| scale * x));
+        let [r, g, b] = passed_on.tint[t];
+        let tints = [r, g, b, 1.0];
+        a.iter_mut().zip(tints).for_each(|(c, tint)| c[t] = c[t].map(|x| tint * scale * x));
     }
 
     let energy = [0, 1, 2].map(|t| {

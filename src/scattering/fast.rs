@@ -68,7 +68,7 @@ impl<'a> Fast<'a> {
         Self { fibre: *fibre, model, tables }
     }
 
-    /// 𝓜_t of Eq 11, without energy compensation.
+    /// 𝓜_t of Eq 11, without energy compensation or tint: see [`Self::factors`].
     pub fn single_scattering(
         &self,
         theta_o: f64,
@@ -92,32 +92,37 @@ impl<'a> Fast<'a> {
         })
     }
 
-    /// N_t(φ) on the specular cone of `theta`, per radian: what is looked up for a light of no width. `cos_sum` as in
-    /// [`Self::single_scattering`].
+    /// N_t(φ) on the specular cone of `theta`, tinted, per radian: what is looked up for a light of no width. `cos_sum`
+    /// as in [`Self::single_scattering`].
     pub fn azimuthal(&self, theta: f64, phi: f64, cos_sum: f64) -> Modes {
         let cos_path = theta.cos().max(0.0);
-        self.modes(|mode| {
+        let bare = self.modes(|mode| {
             let eta = self.eta_star(mode, cos_sum);
             let width = self.model.blur_of(&self.fibre, mode);
             let weights = self.tables.azimuth.azimuth(mode, eta, cos_path, phi, width);
             self.with_rest(weights, mode, eta, cos_path)
-        })
+        });
+        bare.times(&Modes::factors(&self.fibre, [1.0; 3]))
     }
 
-    /// ∫S_t cosθ_i dφ, energy compensation included, per radian of θ_i: what of light at θ_i goes to θ_o, whatever its
-    /// azimuth. Of an eccentric fibre the mean over its turn.
+    /// ∫S_t cosθ_i dφ, tinted, energy compensation included, per radian of θ_i: what of light at θ_i goes to θ_o,
+    /// whatever its azimuth. Of an eccentric fibre the mean over its turn.
     pub fn longitudinal(&self, theta_i: f64, theta_o: f64) -> Modes {
-        let [r, tt, trt] = self.energy_compensation(theta_o);
-        self.modes(|mode| {
+        let bare = self.modes(|mode| {
             let cos_path = self.model.cos_path(theta_i, theta_o);
             let energies = TURNS.map(|phi_h| {
                 self.energy_at(mode, self.eta_star(mode, (2.0 * phi_h).cos()), cos_path)
             });
-            let compensation = [r, tt, trt, 1.0][mode as usize];
             let along = self.model.longitudinal(&self.fibre, mode, theta_i, theta_o);
             let mean = |c: usize| 0.25 * energies.iter().map(|energy| energy[c]).sum::<f64>();
-            [0, 1, 2].map(|c| compensation * along * mean(c))
-        })
+            [0, 1, 2].map(|c| along * mean(c))
+        });
+        bare.times(&self.factors(theta_o))
+    }
+
+    /// By what [`Self::single_scattering`] is multiplied: energy compensation and tint.
+    pub fn factors(&self, theta_o: f64) -> Modes {
+        Modes::factors(&self.fibre, self.energy_compensation(theta_o))
     }
 
     /// C_t(θ_o) of R, TT, TRT: what [`super::longitudinal::energy_compensation`] says, by this method's nodes; 1 of
@@ -136,20 +141,22 @@ impl<'a> Fast<'a> {
         })
     }
 
-    /// What becomes of even light, RGB: ∫S cosθ_i dω_i of all modes. A lobe is taken to be narrow: its energy is that
-    /// at θ_d = θ_o, where energy compensation makes its integral right for a clear fibre. An eccentric fibre counts
-    /// as round.
+    /// What becomes of even light, RGB: ∫S cosθ_i dω_i of all modes, tinted. A lobe is taken to be narrow: its energy is
+    /// that at θ_d = θ_o, where energy compensation makes its integral right for a clear fibre. An eccentric fibre
+    /// counts as round.
     pub fn albedo(&self, theta_o: f64) -> [f64; 3] {
         let modes = self.model.modes().iter().map(|&mode| self.energy(mode, theta_o.cos()));
         modes.fold([0.0; 3], |sum, energy| [0, 1, 2].map(|c| sum[c] + energy[c]))
     }
 
-    /// E_t of a round fibre, RGB; TRRT's with all longer paths.
+    /// E_t of a round fibre, tinted, RGB; TRRT's with all longer paths.
     fn energy(&self, mode: Mode, cos_path: f64) -> [f64; 3] {
-        self.energy_at(mode, self.fibre.eta, cos_path)
+        let bare = self.energy_at(mode, self.fibre.eta, cos_path);
+        let tint = self.fibre.tints()[mode as usize];
+        [0, 1, 2].map(|c| tint[c] * bare[c])
     }
 
-    /// The same at an η of the mode's own.
+    /// Untinted, at an η of the mode's own.
     fn energy_at(&self, mode: Mode, eta: f64, cos_path: f64) -> [f64; 3] {
         let weights = self.tables.azimuth.energy(mode, eta, cos_path);
         [0, 1, 2].map(|c| {

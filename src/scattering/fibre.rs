@@ -15,6 +15,24 @@ pub struct Fibre {
     pub w_c: f64,
     /// Eccentricity a of the cross section, 0.5 to 2; 1 is a circle.
     pub eccentricity: f64,
+    /// What the light of R, TT and TRT is multiplied by, linear RGB, 0 to 4; longer paths take TRT's (Sadeghi et al.
+    /// 2010, "An artist friendly hair shading system"). A physical fibre has 1.
+    pub tint: [[f64; 3]; 3],
+}
+
+impl Fibre {
+    pub const UNTINTED: [[f64; 3]; 3] = [[1.0; 3]; 3];
+
+    /// Tints of R, TT, TRT and all longer paths.
+    pub fn tints(&self) -> [[f64; 3]; 4] {
+        let [r, tt, trt] = self.tint;
+        [r, tt, trt, trt]
+    }
+
+    /// The fibre as other strands see it: no tint above 1, for else hair would make light.
+    pub fn passed_on(&self) -> Self {
+        Self { tint: self.tint.map(|rgb| rgb.map(|t| t.min(1.0))), ..*self }
+    }
 }
 
 /// β of R, TT, TRT where those of TT and TRT follow R's (Marschner 2003, Table 1); any unit.

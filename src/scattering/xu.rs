@@ -4,7 +4,8 @@
 //! Angles: θ_o, θ_j in [−π/2, π/2]; φ = φ_o−φ_j in [−π, π]; `cos_sum` = cos(φ_o+φ_j), which only an
 //! eccentric fibre feels (azimuths count from the axis of the ellipse at which η* = η₁* of Eq 24).
 //! Every result is per unit of light coefficient L_j, cosθ_i included, with unit-integral M (no energy
-//! compensation). On lavapipe a point and light costs 1.0 to 1.6 µs of one core for all four integrals.
+//! compensation, no tint: [`Modes::factors`]). On lavapipe a point and light costs 1.0 to 1.6 µs of one core for all
+//! four integrals.
 //!
 //! Relative L2 error against the exact model (reference/integral.rs; η 1.45–1.65, σ_a 0–3, λ_j 0.1–1, β_R 7.5°,
 //! m = 4): R 10 %, TT 3.5 %, TRT 9 %. An independent oracle gives the print 9, 11 and 22 %.
@@ -57,22 +58,47 @@ pub struct Modes {
     pub longer: [f64; 3],
 }
 
-/// N_t(φ) of the fits on the specular cone of `theta`, per radian: what the method takes for a light of no width.
+impl Modes {
+    /// By what modes are multiplied: their energy compensation, and tint. Twin: `factors` of shaders/fibre.wgsl.
+    pub fn factors(fibre: &Fibre, energy: [f64; 3]) -> Self {
+        let [r, tt, trt] = std::array::from_fn(|t| fibre.tint[t].map(|tint| energy[t] * tint));
+        Self { r, tt, trt, longer: fibre.tint[2] }
+    }
+
+    pub fn times(&self, factors: &Self) -> Self {
+        let each = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|c| a[c] * b[c]);
+        Self {
+            r: each(self.r, factors.r),
+            tt: each(self.tt, factors.tt),
+            trt: each(self.trt, factors.trt),
+            longer: each(self.longer, factors.longer),
+        }
+    }
+
+    /// Of all modes.
+    pub fn sum(&self) -> [f64; 3] {
+        [0, 1, 2].map(|c| self.r[c] + self.tt[c] + self.trt[c] + self.longer[c])
+    }
+}
+
+/// N_t(φ) of the fits on the specular cone of `theta`, tinted, per radian: what the method takes for a light of no
+/// width.
 pub fn azimuthal(fibre: &Fibre, energy: Energy, theta: f64, phi: f64, cos_sum: f64) -> Modes {
     let fitter = Fitter::new(fibre, energy);
     let cos = (0.5 * phi).cos().abs();
     let powers = [0, 1, 2, 3, 4, 5, 6].map(|k| cos.powi(k));
     let (mean, half) = eccentric_eta(fibre.eta, fibre.eccentricity);
-    Modes {
+    let bare = Modes {
         r: [dot(&r_coefficients(fibre.eta, theta), &powers).max(0.0); 3],
         tt: fitter.fit(fibre.eta, theta).tt(phi, g_circular),
         trt: fitter.fit((mean + half * cos_sum).max(1.0), theta).trt(phi, g_circular),
         longer: [0.0; 3],
-    }
+    };
+    bare.times(&Modes::factors(fibre, [1.0; 3]))
 }
 
-/// ∫S_t cosθ_i dφ of the fits, energy compensation included, per radian of θ_i: what of light at θ_i goes to θ_o,
-/// whatever its azimuth. Of an eccentric fibre the mean over its turn. `clear` is of the fibre's η.
+/// ∫S_t cosθ_i dφ of the fits, tinted, energy compensation included, per radian of θ_i: what of light at θ_i goes to
+/// θ_o, whatever its azimuth. Of an eccentric fibre the mean over its turn. `clear` is of the fibre's η.
 pub fn longitudinal(
     fibre: &Fibre,
     segments: u32,
@@ -92,17 +118,20 @@ pub fn longitudinal(
     });
     let trt = [0, 1, 2].map(|c| 0.25 * trt.iter().map(|x| x[c]).sum::<f64>());
     let along = |t: usize, energy: [f64; 3]| {
-        let (alpha, beta) = (fibre.alpha[t], fibre.beta[t]);
-        let m = gaussian(theta_i, theta_o, alpha, beta) * projection(theta_i, theta_o);
-        let c = energy_compensation(segments, theta_o, alpha, beta, |theta| clear.at(theta)[t]);
-        energy.map(|e| c * m * e)
+        let m = gaussian(theta_i, theta_o, fibre.alpha[t], fibre.beta[t]);
+        energy.map(|e| m * projection(theta_i, theta_o) * e)
     };
-    Modes {
+    let compensation = [0, 1, 2].map(|t| {
+        let energy = |theta: f64| clear.at(theta)[t];
+        energy_compensation(segments, theta_o, fibre.alpha[t], fibre.beta[t], energy)
+    });
+    let bare = Modes {
         r: along(0, [r; 3]),
         tt: along(1, fitter.fit(fibre.eta, theta_d).tt(0.0, whole)),
         trt: along(2, trt),
         longer: [0.0; 3],
-    }
+    };
+    bare.times(&Modes::factors(fibre, compensation))
 }
 
 /// The method for one fibre, evaluated without tables.

@@ -45,6 +45,14 @@ pub struct FibreSpec {
     pub alpha_tt_deg: Option<f64>,
     /// `None`: −3 α_R / 2.
     pub alpha_trt_deg: Option<f64>,
+    /// Colour of each lobe, linear RGB in [0, 1], on top of what the fibre makes of it; longer paths follow TRT.
+    pub tint_r: [f64; 3],
+    pub tint_tt: [f64; 3],
+    pub tint_trt: [f64; 3],
+    /// Times as bright as a physical fibre's, 0 to 4.
+    pub intensity_r: f64,
+    pub intensity_tt: f64,
+    pub intensity_trt: f64,
     /// Bandwidth of the TRT caustic, radians.
     pub w_c: f64,
     pub eccentricity: f64,
@@ -79,6 +87,12 @@ impl Default for FibreSpec {
             alpha_r_deg: 0.0,
             alpha_tt_deg: None,
             alpha_trt_deg: None,
+            tint_r: [1.0; 3],
+            tint_tt: [1.0; 3],
+            tint_trt: [1.0; 3],
+            intensity_r: 1.0,
+            intensity_tt: 1.0,
+            intensity_trt: 1.0,
             w_c: 0.0,
             eccentricity: 1.0,
             diameter: 0.0,
@@ -110,6 +124,11 @@ impl FibreSpec {
             beta: beta.map(f64::to_radians),
             w_c: self.w_c,
             eccentricity: self.eccentricity,
+            tint: [
+                self.tint_r.map(|c| self.intensity_r * c),
+                self.tint_tt.map(|c| self.intensity_tt * c),
+                self.tint_trt.map(|c| self.intensity_trt * c),
+            ],
         }
     }
 
@@ -146,7 +165,7 @@ const SHEEN: f64 = 0.0215;
 /// −d ln(C − sheen)/d√σ_a.
 const DEEPENING: f64 = 4.56;
 
-/// The colour of dense hair under even light, of the absorption per radius of its fibres, linear RGB:
+/// The colour of dense hair under even light, of the absorption per radius of its untinted fibres, linear RGB:
 /// C = r + (1 − r) e^(−k √σ_a), r = 0.0215 and k = 4.56.
 ///
 /// k is Chiang et al. 2016's f(β_n), Eq 9, fitted to the builtin bob as it is rendered here under a map of radiance 1

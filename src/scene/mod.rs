@@ -365,7 +365,8 @@ pub fn field_named(key: &str) -> Result<&'static Field, String> {
     if let Some(field) = FIELDS.iter().find(|field| field.group() == key) {
         return Err(format!("`{key}` is a table of keys such as `{}`", field.key));
     }
-    let nearest = FIELDS.iter().max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
+    // Of equals the first.
+    let nearest = FIELDS.iter().rev().max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
     let nearest = nearest.map_or("", |field| field.key);
     Err(format!("unknown key `{key}`; did you mean `{nearest}`?"))
 }

@@ -88,7 +88,8 @@ const fn melanin(eumelanin: f64, pheomelanin: f64) -> Pigment {
 }
 
 impl FibreSpec {
-    /// Takes the preset's colour, roughness, tilt and glint; TT and TRT are linked again.
+    /// Takes the preset's colour, roughness, tilt and glint; TT and TRT are linked again, and no lobe is tinted, so that
+    /// it looks like its picture.
     pub fn set_preset(&mut self, preset: &Preset) {
         self.preset = preset.name.to_owned();
         self.pigment = preset.pigment;
@@ -97,5 +98,7 @@ impl FibreSpec {
         self.w_c = preset.w_c;
         (self.beta_tt_deg, self.beta_trt_deg) = (None, None);
         (self.alpha_tt_deg, self.alpha_trt_deg) = (None, None);
+        (self.tint_r, self.tint_tt, self.tint_trt) = ([1.0; 3], [1.0; 3], [1.0; 3]);
+        (self.intensity_r, self.intensity_tt, self.intensity_trt) = (1.0, 1.0, 1.0);
     }
 }

@@ -61,6 +61,8 @@ const BETA: Kind = Kind::Number { min: BETA_DEG[0], max: BETA_DEG[1] };
 const ALPHA: Kind = Kind::Number { min: -20.0, max: 20.0 };
 const POINT: Kind = Kind::Vector { min: -1e9, max: 1e9 };
 const ROUGHNESS: Kind = Kind::Number { min: 0.01, max: 1.0 };
+const TINT: Kind = Kind::Color { min: 0.0, max: 1.0, words: &[] };
+const INTENSITY: Kind = Kind::Number { min: 0.0, max: 4.0 };
 const CONCENTRATION: Kind = Kind::Number { min: 0.0, max: 100.0 };
 
 /// All fields, in the order of a scene file.
@@ -149,7 +151,7 @@ pub static FIELDS: &[Field] = &[
             preset::KEY,
             "preset",
             Kind::Choice(preset::NAMES),
-            "colour, roughness and tilt to start from",
+            "colour, roughness and tilt to start from, lobes untinted",
         )
     },
     field!(fibre.eta, "eta", Kind::Number { min: 1.0, max: 3.0 }, "index of refraction"),
@@ -217,7 +219,7 @@ pub static FIELDS: &[Field] = &[
             "fibre.color",
             "color",
             Kind::Color { min: 0.001, max: 0.999, words: &[] },
-            "wanted colour of the hair as a whole (approximate)",
+            "wanted colour of the hair as a whole, of untinted lobes (approximate)",
         )
     },
     field!(fibre.beta_r_deg, "beta-r", BETA, "longitudinal width of R", unit: "degrees"),
@@ -231,6 +233,37 @@ pub static FIELDS: &[Field] = &[
         unit: "degrees", unset: Some("linked")),
     field!(fibre.alpha_trt_deg, "alpha-trt", ALPHA,
         "longitudinal shift of TRT; linked is -3/2 of R's", unit: "degrees", unset: Some("linked")),
+    field!(
+        fibre.tint_r,
+        "tint-r",
+        TINT,
+        "colour of R, light that the surface reflects; 1,1,1 is physical"
+    ),
+    field!(
+        fibre.tint_tt,
+        "tint-tt",
+        TINT,
+        "colour of TT, light that comes through the fibre; 1,1,1 is physical"
+    ),
+    field!(
+        fibre.tint_trt,
+        "tint-trt",
+        TINT,
+        "colour of TRT, light reflected once inside, and of longer paths; 1,1,1 is physical"
+    ),
+    field!(
+        fibre.intensity_r,
+        "intensity-r",
+        INTENSITY,
+        "brightness of R; 1 is physical, what is above meets the eye alone, not other strands"
+    ),
+    field!(fibre.intensity_tt, "intensity-tt", INTENSITY, "brightness of TT, as of R"),
+    field!(
+        fibre.intensity_trt,
+        "intensity-trt",
+        INTENSITY,
+        "brightness of TRT and longer paths, as of R"
+    ),
     field!(fibre.w_c, "w-c", Kind::Number { min: 0.01, max: 1.0 }, "azimuthal width of the glints",
         unit: "radians"),
     field!(

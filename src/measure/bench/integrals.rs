@@ -163,6 +163,7 @@ fn fibres() -> Vec<Fibre> {
                     beta: [beta, 0.5 * beta, 2.0 * beta].map(f64::to_radians),
                     w_c: 0.2,
                     eccentricity: 1.0,
+                    tint: Fibre::UNTINTED,
                 });
             }
         }

@@ -21,6 +21,7 @@ const WHITE: Fibre = Fibre {
     beta: [10f64.to_radians(); 3],
     w_c: 0.1,
     eccentricity: 1.0,
+    tint: Fibre::UNTINTED,
 };
 
 /// What Fig 3 plots: all light is reflected, so that the albedo is ∫M over θ_r alone. β is the standard

@@ -181,6 +181,7 @@ impl Cylinder {
             beta: [beta_deg.to_radians(); 3],
             w_c: 0.1,
             eccentricity: 1.0,
+            tint: Fibre::UNTINTED,
         };
         let strands = Strands::new(&self.hair, &self.diameters, &self.frames, 1, Vec3::ZERO);
         let half = 0.18;

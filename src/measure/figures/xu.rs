@@ -27,6 +27,7 @@ const FIBRE: Fibre = Fibre {
     beta: [7.5f64.to_radians(), 3.75f64.to_radians(), 15f64.to_radians()],
     w_c: 0.15,
     eccentricity: 1.0,
+    tint: Fibre::UNTINTED,
 };
 
 /// The four parts of Fig 3.

@@ -217,7 +217,7 @@ impl<'a> Integrator<'a> {
         let mut throughput = DVec3::ONE;
         for event in 1..=max_depth {
             let [light_u, light_v, h, survival] = sampler.block(2 * event - 1);
-            let vertex = self.vertex(&hit, &ray, h);
+            let vertex = self.vertex(&hit, &ray, h, event == 1);
             if sampling != Sampling::Fibre
                 && let Some(lit) = light.sample([light_u, light_v])
             {
@@ -274,8 +274,8 @@ impl<'a> Integrator<'a> {
             || self.scene.strands.occluded(ray)
     }
 
-    /// `u` becomes h where the model does not take the ray's own.
-    fn vertex(&self, hit: &Hit, ray: &StrandRay, u: f64) -> Vertex<'a> {
+    /// `u` becomes h where the model does not take the ray's own. `by_eye`: the camera's ray came here.
+    fn vertex(&self, hit: &Hit, ray: &StrandRay, u: f64, by_eye: bool) -> Vertex<'a> {
         match *hit {
             Hit::Skin(skin, id, t) => {
                 Vertex::Skin { at: skin.skin_point(id, t, &ray.ray), albedo: skin.albedo }
@@ -285,7 +285,7 @@ impl<'a> Integrator<'a> {
                 let o = -DVec3::from(Vec3::from(ray.ray.direction));
                 let o = Direction::of(at.frame.transpose() * o);
                 let h = if self.scene.models.near_field() { at.h } else { 2.0 * u - 1.0 };
-                let model = self.scene.models.there(at.point, at.along, o.theta());
+                let model = self.scene.models.there(at.point, at.along, o.theta(), by_eye);
                 Vertex::Fibre { at, model, o, h }
             }
         }
