@@ -145,7 +145,7 @@ impl Facts {
         let fit = pale * fit;
         let cell = 96.0 / settings.cells as f64;
         let within_cell = CELL_ERROR * cell.powf(1.5);
-        let within_strands = STRAND_ERROR * self.width_px.clamp(0.02, 0.5).powf(1.5);
+        let within_strands = STRAND_ERROR * self.width_px.clamp(0.02, WIDEST_PX).powf(1.5);
         let transmittance =
             pale.powf(1.5) * self.contrast.powf(CONTRAST_POWER) * within_cell.hypot(within_strands);
         let multiple = match self.multiple {
@@ -175,6 +175,9 @@ const MEAN_INCLINATION: f64 = 0.5;
 const CELL_ERROR: f64 = 0.035;
 const STRAND_ERROR: f64 = 1.4;
 const CONTRAST_POWER: f64 = 0.5;
+/// Beyond so many pixels a strand's width makes it no worse: black and blond hair under sunset, close up, at 0.31 and 0.50
+/// are 37 and 25 % off, where 40 and 22 % are expected. Brown hair under studio at 0.46 is 12 % off for 23 % expected.
+const WIDEST_PX: f64 = 0.3;
 /// Of a fibre that loses nothing, under even light, by `fast` and by `xu`.
 const MULTIPLE_ERROR: [f64; 2] = [0.07, 0.3];
 const MULTIPLE_POWER: f64 = 0.65;
