@@ -1,5 +1,6 @@
 //! The table of fields: every key of a scene, once.
 
+use super::fibre::MOST_MELANIN;
 use super::field::{Alternative, Field, Kind, Slot, Value};
 use super::preset::{self, PRESETS};
 use super::{
@@ -61,7 +62,7 @@ const BETA: Kind = Kind::Number { min: BETA_DEG[0], max: BETA_DEG[1] };
 const ALPHA: Kind = Kind::Number { min: -20.0, max: 20.0 };
 const POINT: Kind = Kind::Vector { min: -1e9, max: 1e9 };
 const ROUGHNESS: Kind = Kind::Number { min: 0.01, max: 1.0 };
-const CONCENTRATION: Kind = Kind::Number { min: 0.0, max: 100.0 };
+const CONCENTRATION: Kind = Kind::Number { min: 0.0, max: MOST_MELANIN };
 
 /// All fields, in the order of a scene file.
 pub static FIELDS: &[Field] = &[

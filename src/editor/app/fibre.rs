@@ -13,7 +13,7 @@ use crate::scene::Scene;
 #[derive(Default)]
 pub(super) struct FibreSection {
     thumbnails: Thumbnails,
-    hints: Hints,
+    pub(super) hints: Hints,
     lobes: LobePlot,
 }
 
@@ -37,8 +37,7 @@ impl Editor {
                 ui.painter().rect_filled(rect, 3.0, fields::swatch(whole));
                 ui.weak("of the hair as a whole");
             });
-            let (of, label) = ("the colour of the fibre", "Colour by");
-            fields::alternatives(ui, of, label, scene, &mut explain);
+            fields::alternatives(ui, fields::COLOR, "Colour by", scene, &mut explain);
             egui::CollapsingHeader::new("Lobes").default_open(true).show(ui, |ui| {
                 own.lobes.show(ui, scene);
             });
