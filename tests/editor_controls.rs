@@ -18,8 +18,8 @@ struct Control {
     id: NodeId,
     role: Role,
     name: String,
-    /// Left panel, middle, right panel.
-    column: usize,
+    /// Left panel, middle, right panel, or the bar above.
+    place: usize,
     /// Whether it can have the focus, and Tab should bring it there.
     focusable: bool,
 }
@@ -29,27 +29,30 @@ fn controls<State>(window: &Harness<'_, State>) -> Vec<Control> {
     let shown = nodes.filter(|node| node.accesskit_node().has_bounds());
     let controls = shown.filter_map(|node| {
         let own = node.accesskit_node();
-        let x = node.rect().center().x;
+        let [x, y] = node.rect().center().into();
         is_input(own.role()).then(|| Control {
             id: own.locate().0,
             role: own.role(),
             name: own.label().unwrap_or_default(),
-            column: usize::from(x > 250.0) + usize::from(x > SIZE[0] - 340.0),
+            place: match x {
+                _ if y < 24.0 => 3,
+                _ => usize::from(x > 250.0) + usize::from(x > SIZE[0] - 340.0),
+            },
             focusable: own.data().supports_action(Action::Focus) && !own.is_disabled(),
         })
     });
     controls.collect()
 }
 
-/// Controls without a name, and those of one kind that stand in one column under one name.
+/// Controls without a name, and those of one kind that stand in one place under one name.
 fn badly_named<State>(window: &Harness<'_, State>) -> Vec<String> {
     let mut faults = window.unnamed_widgets();
     let mut all = BTreeMap::new();
-    for Control { role, name, column, .. } in controls(window) {
-        *all.entry((column, format!("{role:?} {name}"))).or_insert(0) += 1;
+    for Control { role, name, place, .. } in controls(window) {
+        *all.entry((place, format!("{role:?} {name}"))).or_insert(0) += 1;
     }
     let several = all.into_iter().filter(|(_, count)| *count > 1);
-    faults.extend(several.map(|((column, what), n)| format!("{n} × {what} in column {column}")));
+    faults.extend(several.map(|((_, what), n)| format!("{n} × {what}")));
     faults
 }
 

@@ -3,13 +3,13 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use eframe::egui::{Key, Modifiers, Vec2};
+use eframe::egui::{Key, Modifiers, Vec2, ViewportId};
 use eframe::egui_wgpu::SurfaceErrorAction;
 use hairlight::editor::{Document, options};
 use hairlight::live::{Said, Session, Wish};
 use tempfile::tempdir;
 
-use crate::editor::{editor, key, picture, seen, small, window};
+use crate::editor::{Window, editor, key, picture, seen, small, window};
 use crate::editor_files::{keeping, message, stroke, type_path, until};
 use crate::editor_sessions::{alone, is_alone};
 
@@ -55,6 +55,13 @@ fn a_lost_device_is_opened_anew() {
 fn a_window_without_room_asks_for_no_picture() {
     let mut window = window(Document::new(small(), None));
     let before = picture(&window);
+    for size in [Vec2::ZERO, Vec2::splat(1.0)] {
+        window.set_size(size);
+        window.run_steps(3);
+        window.set_size(Vec2::new(860.0, 420.0));
+        seen(&mut window);
+        assert!(picture(&window) == before, "with room again, it is as it was");
+    }
     for size in [Vec2::ZERO, Vec2::splat(1.0), Vec2::new(200.0, 20.0), Vec2::new(20.0, 300.0)] {
         window.set_size(size);
         window.run_steps(3);
@@ -66,7 +73,6 @@ fn a_window_without_room_asks_for_no_picture() {
     }
     window.set_size(Vec2::new(860.0, 420.0));
     seen(&mut window);
-    assert!(picture(&window) == before, "with room again, it is as it was");
 }
 
 /// On a monitor of twice as many pixels a point the picture has twice as many a side.
@@ -74,11 +80,14 @@ fn a_window_without_room_asks_for_no_picture() {
 fn another_monitor_gets_a_picture_of_its_own_pixels() {
     let mut window = window(Document::new(small(), None));
     let (before, [width, height]) = (picture(&window), editor(&window).picture().unwrap().size);
-    window.set_pixels_per_point(2.0);
-    seen(&mut window);
+    let move_to = |window: &mut Window, pixels: f32| {
+        let root = window.input_mut().viewports.entry(ViewportId::ROOT).or_default();
+        root.native_pixels_per_point = Some(pixels);
+        seen(window);
+    };
+    move_to(&mut window, 2.0);
     assert_eq!(editor(&window).picture().unwrap().size, [2 * width, 2 * height]);
-    window.set_pixels_per_point(1.0);
-    seen(&mut window);
+    move_to(&mut window, 1.0);
     assert!(picture(&window) == before);
 }
 

@@ -263,6 +263,59 @@ fn recent_files_are_offered_newest_first() {
     assert_eq!(std::fs::read_to_string(&list).unwrap(), format!("[\"{}\"]", name(3)));
 }
 
+/// A scene's paint does not follow it to other hair, and is there again with its own; paint of other hair can be let go.
+#[test]
+fn paint_in_a_file_stays_with_its_hair() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("painted.toml");
+    let mut first = window(Document::new(small(), None));
+    stroke(&mut first);
+    key(&mut first, Modifiers::COMMAND, Key::S);
+    type_path(&mut first, &path);
+    let painted = picture(&first);
+    drop(first);
+    let mut window = window(Document::open(&path).unwrap());
+    let named = |window: &Window| editor(window).document.scene.hair.paint.clone();
+    assert!(named(&window).is_some());
+    let set = |window: &mut Window, to: &str| {
+        let assignment = hairlight::scene::parse_assignment(to).unwrap();
+        let editor = window.state_mut().as_mut().unwrap();
+        editor.document.scene.apply(vec![assignment]).unwrap();
+        window.step();
+    };
+    set(&mut window, "hair.strands=1200");
+    seen(&mut window);
+    assert_eq!(named(&window), None);
+    set(&mut window, "hair.strands=1000");
+    seen(&mut window);
+    let (most, _) = apart(&picture(&window), &painted);
+    assert!(named(&window).is_some() && most <= 1, "{most}");
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    seen(&mut window);
+    assert_eq!((editor(&window).document.scene.hair.strands, named(&window)), (1200, None));
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    seen(&mut window);
+    assert!(!editor(&window).document.changed() && picture(&window) == painted);
+
+    // The same file named for other hair: the reason is said, and it can be taken out.
+    let mut scene = small();
+    scene.hair.strands = 1200;
+    scene.hair.paint = Some(path.with_extension("paint").to_string_lossy().into_owned());
+    let other = folder.path().join("other.toml");
+    std::fs::write(&other, scene.to_toml()).unwrap();
+    window.state_mut().as_mut().unwrap().open(&other);
+    until(&mut window, "said", |window| message(window).contains("painted.paint"));
+    assert!(message(&window).contains("another groom"), "{}", message(&window));
+    assert!(picture(&window) == painted, "the last good one stays");
+    window.set_size(Vec2::new(860.0, 1800.0));
+    window.run_steps(2);
+    click(&mut window, "Hair and head");
+    click(&mut window, "Leave paint none");
+    window.set_size(Vec2::new(860.0, 420.0));
+    seen(&mut window);
+    assert!(apart(&picture(&window), &painted).1 > 0.02);
+}
+
 #[derive(Debug)]
 struct Dropped(PathBuf);
 
@@ -377,6 +430,18 @@ fn what_cannot_be_written_leaves_what_there_was() {
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "as it was");
     let names = || std::fs::read_dir(folder.path()).unwrap().count();
     assert_eq!(names(), 1, "nothing half written");
+
+    // A pipe stays one, as a device would.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let line = format!("{:#}", hairlight::file::write_whole(&pipe, |_| Ok(())).unwrap_err());
+        assert!(line.contains("pipe: cannot be written: something that is no file"), "{line}");
+        assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        std::fs::remove_file(&pipe).unwrap();
+    }
 
     // Of a scene and its paint, neither is replaced where one cannot be.
     let stage = Geometry::load(&small()).unwrap();

@@ -342,27 +342,28 @@ fn a_random_session_over_the_window_is_what_its_history_replays() {
     Document::new(scene, None).save(&path("other.toml"), None).unwrap();
     let mut window = window(document);
     let mut opened = state(&editor(&window).document);
-    let mut counts = [0; 6];
-    for _ in 0..400 {
-        let kind = random.below(counts.len());
-        counts[kind] += 1;
-        match kind {
-            0 | 1 => {
+    let mut counts = [0; 4];
+    for _ in 0..300 {
+        let kind = random.below(40);
+        let what = match kind {
+            0..12 => {
                 let places = places_of(&window, &NOT_CLICKED);
                 let at = random.one_of(&places);
                 // Buttons are clicked, sliders dragged.
-                let to = *at + sideways(&mut random, if kind == 0 { 0 } else { 40 });
+                let to = *at + sideways(&mut random, if kind < 6 { 0 } else { 40 });
                 drag(&mut window, &[*at, to]);
+                0
             }
-            2 => {
+            12..22 => {
                 let rect = window.get_by_label("Picture").rect();
                 let places = [(); 3].map(|()| {
                     let share = [(); 2].map(|()| 0.01 * random.below(100) as f32);
                     rect.min + rect.size() * Vec2::from(share)
                 });
                 drag(&mut window, &places);
+                1
             }
-            3 | 4 => {
+            22..39 => {
                 let command = Modifiers::COMMAND;
                 let (modifiers, pressed) = *random.one_of(&[
                     (command, Key::Z),
@@ -382,6 +383,7 @@ fn a_random_session_over_the_window_is_what_its_history_replays() {
                     (Modifiers::NONE, Key::ArrowRight),
                 ]);
                 key(&mut window, modifiers, pressed);
+                2
             }
             _ => {
                 let name = *random.one_of(&["scene.toml", "other.toml", "bad.toml", "none.hair"]);
@@ -392,9 +394,15 @@ fn a_random_session_over_the_window_is_what_its_history_replays() {
                     assert!(state(&editor(&window).document) == before, "{name} changed something");
                 }
                 window.step();
+                3
             }
-        }
+        };
+        counts[what] += 1;
         window.step();
+        // What asks something stays for a few steps.
+        if random.below(4) == 0 && window.query_by_label("Cancel").is_some() {
+            key(&mut window, Modifiers::NONE, Key::Escape);
+        }
         let editor = editor(&window);
         assert!(editor.history.bytes() <= 256 << 20);
         if editor.history.steps().0.is_empty() {

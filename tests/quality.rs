@@ -118,9 +118,11 @@ fn a_quality_is_shown_as_it_is_captured() {
     assert!(line.contains("4 lights, 4 samples, 32 cells, 3.0 % negligible"), "{line}");
     std::fs::write(folder.path().join("scene.toml"), scene.to_toml()).unwrap();
     let size = format!("{width}x{height}");
-    let output = capture(folder.path(), &["scene.toml", "--size", &size, "-o", "frame.png"]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success() && said.contains("32 cells"), "{said}");
+    let flags = ["scene.toml", "--size", &size, "-o", "frame.png", "--stats", "frame.json"];
+    let output = capture(folder.path(), &flags);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let settings = &json(&folder.path().join("frame.json"))["quality"]["settings"];
+    assert!(settings["cells"] == 32 && settings["lights"] == 4, "{settings}");
     let captured = image::open(folder.path().join("frame.png")).unwrap().into_rgba8();
     let (most, _) = crate::editor::apart(&rgba, captured.as_raw());
     println!("{line}\ngreatest difference {most}");

@@ -171,6 +171,19 @@ impl Editor {
     pub fn ui(&mut self, ui: &mut Ui) {
         self.listen(ui.ctx());
         self.keys(ui);
+        // A minimised window has no room, and its panels keep the widths that they had.
+        if ui.available_size().min_elem() > 1.0 {
+            self.panels(ui);
+        }
+        self.windows(ui);
+        self.dropped(ui.ctx());
+        self.turn(ui.ctx());
+        self.settle(ui.ctx());
+        self.ask_truth(ui.ctx());
+        self.keep(ui.ctx());
+    }
+
+    fn panels(&mut self, ui: &mut Ui) {
         egui::Panel::top("menu").show(ui, |ui| self.menu(ui));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
         egui::Panel::right("scene").default_size(330.0).show(ui, |ui| {
@@ -180,12 +193,6 @@ impl Editor {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.tool_panel(ui));
         });
         egui::CentralPanel::no_frame().show(ui, |ui| self.viewport(ui));
-        self.windows(ui);
-        self.dropped(ui.ctx());
-        self.turn(ui.ctx());
-        self.settle(ui.ctx());
-        self.ask_truth(ui.ctx());
-        self.keep(ui.ctx());
     }
 
     /// Whether the last picture is all that there will be of what is asked.

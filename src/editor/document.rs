@@ -156,6 +156,7 @@ impl Document {
             Ok(())
         })?;
         self.scene.hair.paint = scene.hair.paint;
+        self.named.clone_from(&self.scene.hair.paint);
         self.path = Some(path.to_owned());
         self.saved = Some((self.scene.clone(), self.paint.clone()));
         Ok(())

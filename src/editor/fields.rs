@@ -285,7 +285,7 @@ pub fn alternatives(ui: &mut Ui, of: &str, label: &str, scene: &mut Scene, expla
         FIELDS.iter().filter(move |f| f.alternative.is_some_and(|a| a.of == of && a.way == way))
     };
     let holds = ways().into_iter().find(|way| of_way(way).all(|f| f.get(scene).is_some()));
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.label(label);
         for way in ways() {
             if ui.selectable_label(holds == Some(way), way).clicked() && holds != Some(way) {
