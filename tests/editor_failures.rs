@@ -86,7 +86,9 @@ fn another_monitor_gets_a_picture_of_its_own_pixels() {
         seen(window);
     };
     move_to(&mut window, 2.0);
-    assert_eq!(editor(&window).picture().unwrap().size, [2 * width, 2 * height]);
+    // Panels begin at whole pixels.
+    let [wide, high] = editor(&window).picture().unwrap().size;
+    assert!((2 * width).abs_diff(wide) <= 4 && (2 * height).abs_diff(high) <= 4, "{wide} × {high}");
     move_to(&mut window, 1.0);
     assert!(picture(&window) == before);
 }

@@ -88,7 +88,10 @@ fn save_before_closing_asks_where_and_then_closes() {
     look(&mut window, "leaving.png");
     // Given up, nothing of it comes back with a later save.
     click(&mut window, "Save");
-    click(&mut window, "Cancel");
+    assert!(window.get_by_label("Path").is_focused(), "what is typed is the path");
+    key(&mut window, Modifiers::NONE, Key::Escape);
+    window.run_steps(2);
+    assert!(window.query_by_label("Path").is_none());
     key(&mut window, Modifiers::COMMAND, Key::S);
     type_path(&mut window, &path);
     assert!(path.is_file() && !editor(&window).document.changed(), "{}", message(&window));
@@ -285,17 +288,15 @@ fn paint_in_a_file_stays_with_its_hair() {
     };
     set(&mut window, "hair.strands=1200");
     seen(&mut window);
-    assert_eq!(named(&window), None);
+    assert_eq!((named(&window), message(&window).contains("another groom")), (None, false));
     set(&mut window, "hair.strands=1000");
-    seen(&mut window);
-    let (most, _) = apart(&picture(&window), &painted);
-    assert!(named(&window).is_some() && most <= 1, "{most}");
+    assert!(named(&window).is_some());
     key(&mut window, Modifiers::COMMAND, Key::Z);
-    seen(&mut window);
     assert_eq!((editor(&window).document.scene.hair.strands, named(&window)), (1200, None));
     key(&mut window, Modifiers::COMMAND, Key::Z);
     seen(&mut window);
-    assert!(!editor(&window).document.changed() && picture(&window) == painted);
+    assert!(!editor(&window).document.changed());
+    assert!(apart(&picture(&window), &painted).0 <= 1);
 
     // The same file named for other hair: the reason is said, and it can be taken out.
     let mut scene = small();
@@ -306,7 +307,7 @@ fn paint_in_a_file_stays_with_its_hair() {
     window.state_mut().as_mut().unwrap().open(&other);
     until(&mut window, "said", |window| message(window).contains("painted.paint"));
     assert!(message(&window).contains("another groom"), "{}", message(&window));
-    assert!(picture(&window) == painted, "the last good one stays");
+    assert!(apart(&picture(&window), &painted).0 <= 1, "the last good one stays");
     window.set_size(Vec2::new(860.0, 1800.0));
     window.run_steps(2);
     click(&mut window, "Hair and head");

@@ -285,7 +285,7 @@ impl Session {
 #[test]
 fn a_long_random_session_is_what_its_history_replays() {
     /// Beside what the history keeps: copies under way, and what the allocator does not give back.
-    const SPARE: usize = 64 << 20;
+    const SPARE: usize = 48 << 20;
     if !is_alone() {
         return alone("editor_sessions::a_long_random_session_is_what_its_history_replays", "");
     }
@@ -300,8 +300,8 @@ fn a_long_random_session_is_what_its_history_replays() {
     assert!(grown < bound, "{grown} bytes");
     session.replay();
     // The control: what is kept is seen.
-    let kept = vec![1u8; 2 * SPARE];
-    assert!(resident() - before > SPARE && kept[SPARE] == 1);
+    let kept = std::hint::black_box(vec![1u8; 2 * SPARE]);
+    assert!(resident() - before > SPARE + kept.len() / 4);
     drop(kept);
 
     let folder = tempdir().unwrap();

@@ -121,8 +121,8 @@ fn a_quality_is_shown_as_it_is_captured() {
     let flags = ["scene.toml", "--size", &size, "-o", "frame.png", "--stats", "frame.json"];
     let output = capture(folder.path(), &flags);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let settings = &json(&folder.path().join("frame.json"))["quality"]["settings"];
-    assert!(settings["cells"] == 32 && settings["lights"] == 4, "{settings}");
+    let made = &json(&folder.path().join("frame.json"))["quality"];
+    assert!(made["cells"] == 32 && made["lights"] == 4, "{made}");
     let captured = image::open(folder.path().join("frame.png")).unwrap().into_rgba8();
     let (most, _) = crate::editor::apart(&rgba, captured.as_raw());
     println!("{line}\ngreatest difference {most}");

@@ -124,7 +124,7 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
                 let slider = Slider::new(&mut y, min..=max).suffix(suffix).logarithmic(wide);
                 ui.add(slider.smallest_positive(0.01))
             };
-            if response.changed() {
+            if response.changed() && !passed(&response, *x, y) {
                 *next = Some(Value::Number(y));
             }
             response
@@ -166,7 +166,7 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
             let response = numbers(ui, field, xs, next, |y| {
                 DragValue::new(y).range(min..=max).fixed_decimals(0)
             });
-            if let Some(Value::List(ys)) = next.as_mut().filter(|_| response.changed()) {
+            if let Some(Value::List(ys)) = next {
                 ys.iter_mut().for_each(|y| *y = y.round());
             }
             response
@@ -198,18 +198,27 @@ fn numbers(
     widget: impl Fn(&mut f64) -> DragValue<'_>,
 ) -> egui::Response {
     let mut ys = xs.to_vec();
+    let mut changed = false;
     let inner = ui.horizontal(|ui| {
         // From right to left.
-        let named = ys.iter_mut().zip(parts(field)).rev();
-        let added = named
-            .map(|(y, part)| ui.add(widget(y)).accessible_name(format!("{}, {part}", name(field))));
+        let named = ys.iter_mut().zip(xs).zip(parts(field)).rev();
+        let added = named.map(|((y, x), part)| {
+            let response = ui.add(widget(y));
+            changed |= response.changed() && !passed(&response, *x, *y);
+            response.accessible_name(format!("{}, {part}", name(field)))
+        });
         added.reduce(|all, one| all | one)
     });
-    let response = inner.inner.unwrap_or(inner.response);
-    if response.changed() {
+    if changed {
         *next = Some(Value::List(ys));
     }
-    response
+    inner.inner.unwrap_or(inner.response)
+}
+
+/// Whether the focus only went through a number: a widget that loses it reads its own text, which is the number rounded.
+fn passed(response: &egui::Response, before: f64, after: f64) -> bool {
+    let decimals = format!("{after}").split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    response.lost_focus() && format!("{before:.decimals$}") == format!("{after:.decimals$}")
 }
 
 /// What a field that is left to the program gets once it is not.

@@ -64,7 +64,16 @@ impl Editor {
                 }
                 ui.separator();
                 ui.menu_button("Interface size", egui::gui_zoom::zoom_menu_buttons);
-                egui::widgets::global_theme_preference_buttons(ui);
+                let mut theme = ui.ctx().options(|options| options.theme_preference);
+                ui.horizontal(|ui| {
+                    use egui::ThemePreference::{Dark, Light, System};
+                    for (other, word) in
+                        [(System, "As the desktop"), (Dark, "Dark"), (Light, "Light")]
+                    {
+                        ui.radio_value(&mut theme, other, word);
+                    }
+                });
+                ui.ctx().set_theme(theme);
             });
             if ui.button("?").on_hover_text("Shortcuts").clicked() {
                 self.shortcuts = !self.shortcuts;
