@@ -11,6 +11,7 @@ use hairlight::editor::Document;
 use hairlight::scene::{FIELDS, Pigment};
 
 use crate::editor::{Window, editor, key, look, seen, small, window_of};
+use crate::editor_files::until;
 
 const SIZE: [f32; 2] = [1280.0, 2200.0];
 
@@ -88,7 +89,7 @@ fn check(window: &mut Window, state: &str, but: &BTreeSet<NodeId>) -> Vec<String
     let now = &editor(window).document.scene;
     let other = FIELDS.iter().filter(|field| field.get(now) != field.get(&scene));
     faults.extend(other.map(|field| format!("{} changed by passing", field.key)));
-    println!("{state}: {} controls", controls(window).len() - but.len());
+    println!("{state}: {} controls {faults:?}", controls(window).len().saturating_sub(but.len()));
     window.ctx.memory_mut(|m| m.stop_text_input());
     window.run_steps(2);
     faults.into_iter().map(|fault| format!("{state}: {fault}")).collect()
@@ -111,6 +112,9 @@ fn every_control_has_a_name_and_is_reached_by_tab() {
         faults.extend(check(&mut window, &format!("view, colour by {way}"), &none));
     }
     key(&mut window, Modifiers::NONE, Key::R);
+    // What it says stands above its buttons.
+    let judged = |window: &Window| editor(window).truth().is_some_and(|t| t.judged.is_some());
+    until(&mut window, "a truth", judged);
     window.run_steps(3);
     faults.extend(check(&mut window, "truth", &none));
     key(&mut window, Modifiers::NONE, Key::R);
@@ -132,17 +136,34 @@ fn every_control_has_a_name_and_is_reached_by_tab() {
         look(&mut window, &format!("controls-{way}.png"));
         faults.extend(check(&mut window, &format!("paint, colour by {way}"), &none));
     }
-    click(&mut window, "eccentricity");
+    window.get_by_role_and_label(Role::RadioButton, "eccentricity").click();
+    window.run_steps(3);
     faults.extend(check(&mut window, "paint, eccentricity", &none));
 
     // Menus and lists go away with the focus: their names are looked at.
-    for menu in ["File", "Edit", "View", "Falloff", "Reach", "map", "hair", "fibre model"] {
-        window.get_by_label(menu).click();
+    for (role, menu) in [
+        (Role::Button, "File"),
+        (Role::Button, "Edit"),
+        (Role::ComboBox, "Falloff"),
+        (Role::ComboBox, "Reach"),
+        (Role::ComboBox, "map"),
+        (Role::ComboBox, "hair"),
+        (Role::ComboBox, "fibre model"),
+    ] {
+        window.get_by_role_and_label(role, menu).click();
         window.run_steps(3);
         faults.extend(badly_named(&window).into_iter().map(|fault| format!("{menu}: {fault}")));
         key(&mut window, Modifiers::NONE, Key::Escape);
         window.run_steps(2);
     }
+
+    // The menu, beside the tool of that name.
+    window.get_all_by_label("View").next().unwrap().click();
+    window.run_steps(3);
+    window.get_by_label("As the desktop");
+    faults.extend(badly_named(&window));
+    key(&mut window, Modifiers::NONE, Key::Escape);
+    window.run_steps(2);
 
     // What asks, alone has the focus.
     let behind: BTreeSet<NodeId> = controls(&window).iter().map(|c| c.id).collect();

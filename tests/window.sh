@@ -58,6 +58,7 @@ server=$!
 until_ "a display" test -s "$home/display"
 DISPLAY=:$(cat "$home/display")
 export DISPLAY
+until_ "a server that answers" xdotool getdisplaygeometry
 
 cat >"$home/scene.toml" <<'SCENE'
 [hair]
@@ -80,6 +81,7 @@ xdotool windowfocus "$id"
 # The picture in the middle, as it is on the screen.
 seen() { import -window root -crop 560x480+320+150 +repage rgb:- | md5sum; }
 is_seen() { [ "$(seen)" = "$1" ]; }
+is_other() { [ "$(seen)" != "$1" ]; }
 # Hundredths of a second that the window has worked.
 worked() { awk '{ print $14 + $15 }' "/proc/$window/stat"; }
 # Waits until it has nothing more to do, and says what is seen.
@@ -124,14 +126,15 @@ xdotool key ctrl+shift+z
 until_ "the stroke is done again" is_seen "$painted"
 
 xdotool key question
+until_ "? shows the shortcuts" is_other "$painted"
 sleep 0.5
-! is_seen "$painted" || fail "? shows no shortcuts"
 shot shortcuts
 xdotool key Escape
 until_ "Escape closes them" is_seen "$painted"
 
 xdotool key ctrl+shift+s
-sleep 0.5
+until_ "a path is asked for" is_other "$painted"
+sleep 1
 shot save
 xdotool key ctrl+a
 xdotool type --delay 5 "$home/painted.toml"
