@@ -145,8 +145,12 @@ until_ "its paint is saved" test -s "$home/painted.paint"
 grep -q 'paint = "painted.paint"' "$home/painted.toml" || fail "the scene does not name its paint"
 
 xdotool key v
+rest >/dev/null
+whole=$(seen)
 xdotool key r
-sleep 3
+until_ "the truth stands beside the frame" is_other "$whole"
+# Some samples more for the eye.
+[ -z "$shots" ] || sleep 15
 shot truth
 xdotool key r
 

@@ -375,7 +375,8 @@ impl Editor {
         if key(Key::I) {
             self.eyedrop(ctx);
         }
-        if key(Key::Escape) {
+        // Not taken away: menus and lists close by it too.
+        if ctx.input(|i| i.key_pressed(Key::Escape)) {
             self.give_up_stroke();
             self.shortcuts = false;
             self.maps.open = false;
