@@ -7,7 +7,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 
 /// Writes a file under a temporary name beside `path` and renames it once it is whole.
 pub fn write_whole(
@@ -19,6 +19,8 @@ pub fn write_whole(
         _ => Path::new("."),
     };
     let attempt = || -> Result<()> {
+        // A file would take the place of a device, a pipe or a folder.
+        ensure!(path.is_file() || !path.exists(), "something that is no file is there");
         let mut file = tempfile::NamedTempFile::new_in(folder)?;
         write(file.as_file_mut())?;
         file.as_file_mut().flush()?;

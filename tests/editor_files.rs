@@ -1,14 +1,13 @@
 //! Files of the editor, and what must not be lost: leaving, recovery after a crash, recent files, what is dropped.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use eframe::egui::accesskit::Role;
 use eframe::egui::{self, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::kittest::Queryable;
 use hairlight::editor::{Document, Editor};
-use hairlight::live::{Said, Session, Wish};
 use hairlight::paint::Paint;
 use hairlight::stage::Geometry;
 use tempfile::tempdir;
@@ -18,7 +17,7 @@ use crate::editor::{
 };
 
 /// A stroke across the hair, until it is seen.
-fn stroke(window: &mut Window) {
+pub fn stroke(window: &mut Window) {
     key(window, Modifiers::NONE, Key::B);
     seen(window);
     let brush = &mut window.state_mut().as_mut().unwrap().brush;
@@ -30,7 +29,7 @@ fn stroke(window: &mut Window) {
 }
 
 /// Answers what asks for a path.
-fn type_path(window: &mut Window, path: &Path) {
+pub fn type_path(window: &mut Window, path: &Path) {
     window.get_by_label("Path").focus();
     window.step();
     key(window, Modifiers::COMMAND, Key::A);
@@ -55,16 +54,16 @@ fn commanded(window: &Window, command: &egui::ViewportCommand) -> bool {
     window.output().viewport_output[&egui::ViewportId::ROOT].commands.contains(command)
 }
 
-fn click(window: &mut Window, label: &str) {
+pub fn click(window: &mut Window, label: &str) {
     window.get_by_label(label).click();
     window.run_steps(3);
 }
 
-fn message(window: &Window) -> String {
+pub fn message(window: &Window) -> String {
     editor(window).message().unwrap_or_default().to_owned()
 }
 
-fn exposed(window: &mut Window, stops: f64) {
+pub fn exposed(window: &mut Window, stops: f64) {
     window.state_mut().as_mut().unwrap().document.scene.environment.exposure = stops;
     window.step();
 }
@@ -89,7 +88,10 @@ fn save_before_closing_asks_where_and_then_closes() {
     look(&mut window, "leaving.png");
     // Given up, nothing of it comes back with a later save.
     click(&mut window, "Save");
-    click(&mut window, "Cancel");
+    assert!(window.get_by_label("Path").is_focused(), "what is typed is the path");
+    key(&mut window, Modifiers::NONE, Key::Escape);
+    window.run_steps(2);
+    assert!(window.query_by_label("Path").is_none());
     key(&mut window, Modifiers::COMMAND, Key::S);
     type_path(&mut window, &path);
     assert!(path.is_file() && !editor(&window).document.changed(), "{}", message(&window));
@@ -112,7 +114,7 @@ fn save_before_closing_asks_where_and_then_closes() {
 }
 
 /// An editor that keeps its unsaved work in a folder.
-fn keeping(document: Document, state: &Path) -> Window {
+pub fn keeping(document: Document, state: &Path) -> Window {
     let state = state.to_owned();
     window_on([860.0, 420.0], move |ctx| {
         Editor::new(document.clone(), ctx).keeping(&state, Duration::ZERO, ctx)
@@ -120,12 +122,12 @@ fn keeping(document: Document, state: &Path) -> Window {
 }
 
 /// The folders of unsaved work.
-fn sets(state: &Path) -> Vec<PathBuf> {
+pub fn sets(state: &Path) -> Vec<PathBuf> {
     let Ok(folders) = std::fs::read_dir(state.join("unsaved")) else { return Vec::new() };
     folders.flatten().map(|entry| entry.path()).collect()
 }
 
-fn until(window: &mut Window, what: &str, mut done: impl FnMut(&Window) -> bool) {
+pub fn until(window: &mut Window, what: &str, mut done: impl FnMut(&Window) -> bool) {
     let begun = Instant::now();
     while !done(window) {
         assert!(begun.elapsed() < Duration::from_secs(60), "{what}: {}", message(window));
@@ -264,6 +266,57 @@ fn recent_files_are_offered_newest_first() {
     assert_eq!(std::fs::read_to_string(&list).unwrap(), format!("[\"{}\"]", name(3)));
 }
 
+/// A scene's paint does not follow it to other hair, and is there again with its own; paint of other hair can be let go.
+#[test]
+fn paint_in_a_file_stays_with_its_hair() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("painted.toml");
+    let mut first = window(Document::new(small(), None));
+    stroke(&mut first);
+    key(&mut first, Modifiers::COMMAND, Key::S);
+    type_path(&mut first, &path);
+    let painted = picture(&first);
+    drop(first);
+    let mut window = window(Document::open(&path).unwrap());
+    let named = |window: &Window| editor(window).document.scene.hair.paint.clone();
+    assert!(named(&window).is_some());
+    let set = |window: &mut Window, to: &str| {
+        let assignment = hairlight::scene::parse_assignment(to).unwrap();
+        let editor = window.state_mut().as_mut().unwrap();
+        editor.document.scene.apply(vec![assignment]).unwrap();
+        window.step();
+    };
+    set(&mut window, "hair.strands=1200");
+    seen(&mut window);
+    assert_eq!((named(&window), message(&window).contains("another groom")), (None, false));
+    set(&mut window, "hair.strands=1000");
+    assert!(named(&window).is_some());
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!((editor(&window).document.scene.hair.strands, named(&window)), (1200, None));
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    seen(&mut window);
+    assert!(!editor(&window).document.changed());
+    assert!(apart(&picture(&window), &painted).0 <= 1);
+
+    // The same file named for other hair: the reason is said, and it can be taken out.
+    let mut scene = small();
+    scene.hair.strands = 1200;
+    scene.hair.paint = Some(path.with_extension("paint").to_string_lossy().into_owned());
+    let other = folder.path().join("other.toml");
+    std::fs::write(&other, scene.to_toml()).unwrap();
+    window.state_mut().as_mut().unwrap().open(&other);
+    until(&mut window, "said", |window| message(window).contains("painted.paint"));
+    assert!(message(&window).contains("another groom"), "{}", message(&window));
+    assert!(apart(&picture(&window), &painted).0 <= 1, "the last good one stays");
+    window.set_size(Vec2::new(860.0, 1800.0));
+    window.run_steps(2);
+    click(&mut window, "Hair and head");
+    click(&mut window, "Leave paint none");
+    window.set_size(Vec2::new(860.0, 420.0));
+    seen(&mut window);
+    assert!(apart(&picture(&window), &painted).1 > 0.02);
+}
+
 #[derive(Debug)]
 struct Dropped(PathBuf);
 
@@ -325,60 +378,6 @@ fn dropped_files_are_opened() {
 }
 
 #[test]
-fn a_lost_device_is_opened_anew() {
-    let said = Mutex::new(Vec::new());
-    let shown: Mutex<Vec<u8>> = Mutex::default();
-    let say = |what: Said| match what {
-        Said::Picture(picture) => *shown.lock().unwrap() = picture.rgba,
-        Said::Failed(line) => said.lock().unwrap().push(line),
-        _ => {}
-    };
-    let mut session = Session::default();
-    let mut wish = Wish::new(small(), [64, 64]);
-    assert!(session.see(&wish, &|| true, &say).unwrap());
-    // The control: a device that is there is kept.
-    wish.scene.environment.exposure = 0.5;
-    assert!(session.see(&wish, &|| true, &say).unwrap());
-    assert_eq!(*said.lock().unwrap(), Vec::<String>::new());
-    session.gpu().unwrap().device.destroy();
-    wish.scene.environment.exposure = 1.0;
-    assert!(session.see(&wish, &|| true, &say).unwrap());
-    assert_eq!(*said.lock().unwrap(), ["the graphics device was lost: another one is opened"]);
-    let anew = std::mem::take(&mut *shown.lock().unwrap());
-    Session::default().see(&wish, &|| true, &say).unwrap();
-    assert!(anew == *shown.lock().unwrap(), "the same picture");
-    // One that is lost while it works, between two groups of lights.
-    let asked = AtomicUsize::new(0);
-    let device = session.gpu().unwrap().device.clone();
-    wish.scene.fibre.beta_r_deg = 12.0;
-    let lose = || {
-        if asked.fetch_add(1, Ordering::Relaxed) == 1 {
-            device.destroy();
-        }
-        true
-    };
-    assert!(session.see(&wish, &lose, &say).unwrap());
-    assert_eq!(said.lock().unwrap().len(), 2);
-}
-
-#[test]
-fn a_window_without_room_asks_for_no_picture() {
-    let mut window = window(Document::new(small(), None));
-    let before = picture(&window);
-    for size in [Vec2::ZERO, Vec2::splat(1.0), Vec2::new(200.0, 20.0), Vec2::new(20.0, 300.0)] {
-        window.set_size(size);
-        window.run_steps(3);
-        key(&mut window, Modifiers::NONE, Key::F);
-        assert_eq!(message(&window), "", "{size:?}");
-        if size.x <= 1.0 {
-            assert!(picture(&window) == before, "no other picture for {size:?}");
-        }
-    }
-    window.set_size(Vec2::new(860.0, 420.0));
-    seen(&mut window);
-}
-
-#[test]
 fn a_file_that_vanishes_is_named_and_the_last_picture_stays() {
     let folder = tempdir().unwrap();
     crate::frames::write_tuft(folder.path());
@@ -432,6 +431,18 @@ fn what_cannot_be_written_leaves_what_there_was() {
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "as it was");
     let names = || std::fs::read_dir(folder.path()).unwrap().count();
     assert_eq!(names(), 1, "nothing half written");
+
+    // A pipe stays one, as a device would.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let line = format!("{:#}", hairlight::file::write_whole(&pipe, |_| Ok(())).unwrap_err());
+        assert!(line.contains("pipe: cannot be written: something that is no file"), "{line}");
+        assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        std::fs::remove_file(&pipe).unwrap();
+    }
 
     // Of a scene and its paint, neither is replaced where one cannot be.
     let stage = Geometry::load(&small()).unwrap();
@@ -503,10 +514,36 @@ fn a_picture_is_saved_as_capture_makes_it() {
         assert!(most <= 1, "{name}: {most}");
     }
     assert!(apart(png("shown.png").as_raw(), png("clear.png").as_raw()).1 > 0.1, "the control");
+    let alpha = |name: &str| png(name).pixels().map(|p| p[3]).collect::<Vec<u8>>();
+    assert_eq!(alpha("clear.png"), alpha("frame-clear.png"));
+    assert!([0, 255].map(|a| alpha("clear.png").contains(&a)) == [true; 2], "clear and covered");
+    assert!(alpha("shown.png").iter().all(|&a| a == 255), "the control");
     let planes = |name: &str| {
         exr::prelude::read_first_flat_layer_from_file(folder.path().join(name)).unwrap().layer_data
     };
     assert!(planes("shown.exr").channel_data == planes("frame.exr").channel_data);
+
+    // Size and samples are the picture's own.
+    click(&mut window, "File");
+    click(&mut window, "Save picture…");
+    for (label, number) in [("size, width", "60"), ("size, height", "40"), ("samples", "9")] {
+        let all = window.get_all_by_role_and_label(Role::SpinButton, label);
+        // The prompt's is the last.
+        all.last().unwrap().click();
+        window.run_steps(3);
+        key(&mut window, Modifiers::COMMAND, Key::A);
+        window.event(egui::Event::Text(number.to_owned()));
+        window.step();
+        key(&mut window, Modifiers::NONE, Key::Enter);
+        window.run_steps(2);
+    }
+    type_path(&mut window, &folder.path().join("small.png"));
+    until(&mut window, "saved", |window| message(window).contains("Saved"));
+    let flags = ["scene.toml", "-o", "frame-small.png", "--size", "60x40", "--samples", "9"];
+    crate::frames::captured(folder.path(), &flags);
+    assert_eq!(png("small.png").dimensions(), (60, 40));
+    assert!(apart(png("small.png").as_raw(), png("frame-small.png").as_raw()).0 <= 1);
+    assert_eq!(self::editor(&window).document.scene.output.size, [96, 96], "the scene keeps its");
 
     // What cannot be saved is said; what is given up leaves nothing.
     click(&mut window, "File");

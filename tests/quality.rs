@@ -98,3 +98,40 @@ fn the_expected_error_is_the_measured_one_within_a_factor_of_two() {
 fn words(text: &str) -> Vec<&str> {
     text.split_whitespace().collect()
 }
+
+/// The window follows a scene's quality: what it shows is what `capture` makes of it.
+#[test]
+fn a_quality_is_shown_as_it_is_captured() {
+    let folder = tempdir().unwrap();
+    let mut scene = crate::editor::small();
+    // All settings reach these targets, so that the cheapest are picked, however fast the device is just now; or none
+    // does, and those of the least error are.
+    scene.environment.lights = None;
+    scene.render.quality = Some(Target::Error(0.9));
+    let mut window = crate::editor::window(hairlight::editor::Document::new(scene.clone(), None));
+    let shown = |window: &crate::editor::Window| {
+        let picture = crate::editor::editor(window).picture().unwrap().clone();
+        (picture.size, picture.rgba, picture.figures.unwrap().picked.clone())
+    };
+    let ([width, height], rgba, picked) = shown(&window);
+    let line = picked.expect("what was picked");
+    assert!(line.contains("4 lights, 4 samples, 32 cells, 3.0 % negligible"), "{line}");
+    std::fs::write(folder.path().join("scene.toml"), scene.to_toml()).unwrap();
+    let size = format!("{width}x{height}");
+    let flags = ["scene.toml", "--size", &size, "-o", "frame.png", "--stats", "frame.json"];
+    let output = capture(folder.path(), &flags);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let made = &json(&folder.path().join("frame.json"))["quality"];
+    assert!(made["cells"] == 32 && made["lights"] == 4, "{made}");
+    let captured = image::open(folder.path().join("frame.png")).unwrap().into_rgba8();
+    let (most, _) = crate::editor::apart(&rgba, captured.as_raw());
+    println!("{line}\ngreatest difference {most}");
+    assert!(most <= 1, "{most}");
+    // The control: without it, the picture is another.
+    let document = &mut window.state_mut().as_mut().unwrap().document;
+    document.scene.render.quality = None;
+    document.scene.environment.lights = Some(4);
+    crate::editor::seen(&mut window);
+    let (_, usual, picked) = shown(&window);
+    assert!(picked.is_none() && crate::editor::apart(&usual, &rgba).1 > 0.01);
+}

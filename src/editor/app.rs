@@ -1,5 +1,6 @@
 //! A frame of the interface: panels around the picture, what was typed and dragged, and what the worker said.
 
+mod brush_color;
 mod fibre;
 mod files;
 mod light;
@@ -26,6 +27,7 @@ use crate::gpu::shaders::Shaders;
 use crate::live::{Said, Wish, Worker, same};
 use crate::scene::{HairSpec, Scene};
 use crate::stage::Geometry;
+use brush_color::BrushColor;
 use files::{Files, PromptKind};
 use still::Saving;
 use truth::Truth;
@@ -40,9 +42,10 @@ const SAVE_AS: KeyboardShortcut =
 const COPY: KeyboardShortcut =
     KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::C);
 const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
+const QUIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Q);
 
 /// What keys and drags do, as `?` shows it.
-const SHORTCUTS: [(&str, &str); 20] = [
+const SHORTCUTS: [(&str, &str); 21] = [
     ("Drag", "View: turn the camera. Paint: paint"),
     ("Middle drag", "Turn the camera, whatever the tool"),
     ("Right drag, Shift + middle drag", "Move the camera"),
@@ -61,6 +64,7 @@ const SHORTCUTS: [(&str, &str); 20] = [
     ("Ctrl + S, Ctrl + Shift + S", "Save, save as"),
     ("Ctrl + Shift + C", "Copy the picture"),
     ("Ctrl + plus, minus, 0", "Size of the interface"),
+    ("Ctrl + Q", "Quit"),
     ("Esc", "Give up a stroke, close a window"),
     ("?", "This list"),
 ];
@@ -76,6 +80,7 @@ pub struct Editor {
     pub document: Document,
     pub history: History,
     pub brush: Brush,
+    brush_color: BrushColor,
     tool: Tool,
     worker: Worker,
     /// For threads to wake.
@@ -132,6 +137,7 @@ impl Editor {
             document,
             history: History::default(),
             brush: Brush::default(),
+            brush_color: BrushColor::default(),
             tool: Tool::View,
             worker: Worker::new(move || waking.request_repaint()),
             waking: ctx.clone(),
@@ -165,6 +171,19 @@ impl Editor {
     pub fn ui(&mut self, ui: &mut Ui) {
         self.listen(ui.ctx());
         self.keys(ui);
+        // A minimised window has no room, and its panels keep the widths that they had.
+        if ui.available_size().min_elem() > 1.0 {
+            self.panels(ui);
+        }
+        self.windows(ui);
+        self.dropped(ui.ctx());
+        self.turn(ui.ctx());
+        self.settle(ui.ctx());
+        self.ask_truth(ui.ctx());
+        self.keep(ui.ctx());
+    }
+
+    fn panels(&mut self, ui: &mut Ui) {
         egui::Panel::top("menu").show(ui, |ui| self.menu(ui));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
         egui::Panel::right("scene").default_size(330.0).show(ui, |ui| {
@@ -174,12 +193,6 @@ impl Editor {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.tool_panel(ui));
         });
         egui::CentralPanel::no_frame().show(ui, |ui| self.viewport(ui));
-        self.windows(ui);
-        self.dropped(ui.ctx());
-        self.turn(ui.ctx());
-        self.settle(ui.ctx());
-        self.ask_truth(ui.ctx());
-        self.keep(ui.ctx());
     }
 
     /// Whether the last picture is all that there will be of what is asked.
@@ -300,23 +313,10 @@ impl Editor {
         if self.stroke.is_some() {
             return;
         }
-        let mut paint = self.document.paint.clone().unwrap_or_default();
-        let owned = Arc::make_mut(&mut paint);
-        let scene = &mut self.document.scene;
-        let camera = scene.camera;
-        let did = match redo {
-            true => self.history.redo(scene, owned),
-            false => self.history.undo(scene, owned),
-        };
-        scene.camera = camera;
-        if !did {
+        if !self.document.step(&mut self.history, redo) {
             self.say(if redo { "Nothing to redo" } else { "Nothing to undo" });
             return;
         }
-        if self.document.paint.as_ref().is_some_and(|before| **before != *paint) {
-            self.document.put_paint(paint);
-        }
-        self.document.follow_hair();
         self.settled = self.document.scene.clone();
     }
 
@@ -339,6 +339,9 @@ impl Editor {
         }
         if pressed(&OPEN) {
             self.ask_path(PromptKind::Open);
+        }
+        if pressed(&QUIT) {
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
         }
         if ctx.text_edit_focused() {
             return;
@@ -372,7 +375,8 @@ impl Editor {
         if key(Key::I) {
             self.eyedrop(ctx);
         }
-        if key(Key::Escape) {
+        // Not taken away: menus and lists close by it too.
+        if ctx.input(|i| i.key_pressed(Key::Escape)) {
             self.give_up_stroke();
             self.shortcuts = false;
             self.maps.open = false;

@@ -113,6 +113,13 @@ impl Default for Brush {
     }
 }
 
+impl Brush {
+    /// The absorption that its value is the root of, per radius, linear RGB: of a brush for absorption.
+    pub fn sigma_a(&self) -> [f64; 3] {
+        self.value.map(|root| f64::from(root).powi(2))
+    }
+}
+
 /// Where strand points are in a picture: x and y in its heights from its upper left corner, y down; points behind the
 /// camera are nowhere.
 pub struct Places {

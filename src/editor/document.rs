@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 
+use super::history::History;
 use crate::file::write_whole;
 use crate::hair::Hair;
 use crate::live::same;
@@ -21,17 +22,21 @@ pub struct Document {
     /// The scene file.
     pub path: Option<PathBuf>,
     saved: Option<(Scene, Option<Arc<Paint>>)>,
-    /// The hair that `paint` is on.
+    /// The hair that `paint` is on, and the file that the scene named for it.
     shape: HairSpec,
+    named: Option<String>,
     /// Paint of hair that is not shown: it comes back with its hair.
-    aside: Vec<(HairSpec, Arc<Paint>)>,
+    aside: Vec<Aside>,
 }
+
+/// Hair, its paint's file, and what was painted since.
+type Aside = (HairSpec, Option<String>, Option<Arc<Paint>>);
 
 impl Document {
     pub fn new(scene: Scene, path: Option<PathBuf>) -> Self {
         let saved = Some((scene.clone(), None));
-        let shape = shape(&scene);
-        Self { scene, paint: None, path, saved, shape, aside: Vec::new() }
+        let (shape, named) = (shape(&scene), scene.hair.paint.clone());
+        Self { scene, paint: None, path, saved, shape, named, aside: Vec::new() }
     }
 
     /// Work that was never saved as it is now.
@@ -44,19 +49,48 @@ impl Document {
         &self.shape
     }
 
-    /// After the scene changed: paint goes and comes with the hair that it is on. Whether it did.
+    /// After the scene changed: paint, and the name of its file, go and come with the hair that they are on. Whether
+    /// they did.
     pub fn follow_hair(&mut self) -> bool {
         let new = shape(&self.scene);
+        let named = &mut self.scene.hair.paint;
         if new == self.shape {
+            self.named.clone_from(named);
             return false;
         }
+        let known = self.aside.iter().position(|(of, ..)| *of == new);
+        let (_, back, paint) = known.map(|at| self.aside.remove(at)).unwrap_or_default();
+        // A name that came along is that of the hair that went.
+        if *named == self.named {
+            *named = back;
+        }
         let old = std::mem::replace(&mut self.shape, new);
-        let had = self.paint.take();
-        let back = self.aside.iter().position(|(of, _)| *of == self.shape);
-        self.paint = back.map(|at| self.aside.remove(at).1);
-        let moved = had.is_some() || self.paint.is_some();
-        self.aside.extend(had.map(|paint| (old, paint)));
-        moved
+        let gone = (old, self.named.take(), std::mem::replace(&mut self.paint, paint));
+        self.named.clone_from(named);
+        let something =
+            |name: &Option<String>, paint: &Option<_>| name.is_some() || paint.is_some();
+        let went = something(&gone.1, &gone.2);
+        if went {
+            self.aside.push(gone);
+        }
+        went || something(&self.named, &self.paint)
+    }
+
+    /// Takes the last step of a history back, or does the next one again; the camera stays. Whether there was one.
+    pub fn step(&mut self, history: &mut History, redo: bool) -> bool {
+        let mut paint = self.paint.clone().unwrap_or_default();
+        let owned = Arc::make_mut(&mut paint);
+        let camera = self.scene.camera;
+        let did = match redo {
+            true => history.redo(&mut self.scene, owned),
+            false => history.undo(&mut self.scene, owned),
+        };
+        self.scene.camera = camera;
+        if self.paint.as_ref().is_some_and(|before| **before != *paint) {
+            self.put_paint(paint);
+        }
+        self.follow_hair();
+        did
     }
 
     /// A scene file, or the default scene with the hair, head or map that `path` is.
@@ -122,6 +156,7 @@ impl Document {
             Ok(())
         })?;
         self.scene.hair.paint = scene.hair.paint;
+        self.named.clone_from(&self.scene.hair.paint);
         self.path = Some(path.to_owned());
         self.saved = Some((self.scene.clone(), self.paint.clone()));
         Ok(())
@@ -136,10 +171,7 @@ pub fn put_file(scene: &mut Scene, path: &Path) -> Result<bool> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let name = path.to_string_lossy().into_owned();
     let slot = match extension.as_str() {
-        "hair" | "tfx" => {
-            scene.hair.paint = None;
-            &mut scene.hair.source
-        }
+        "hair" | "tfx" => &mut scene.hair.source,
         "obj" => &mut scene.head.source,
         "exr" | "hdr" => &mut scene.environment.source,
         _ => return Ok(false),

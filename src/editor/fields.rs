@@ -41,7 +41,11 @@ pub fn explained(ui: &mut Ui, key: &str, scene: &mut Scene, explain: Explain) {
                 }
             }
             let response = widget(ui, field, &value, &mut next);
-            helped(response.labelled_by(label.id));
+            helped(match parts(field) {
+                [] => response.labelled_by(label.id),
+                // Each has a name of its own.
+                _ => response,
+            });
         });
     });
     if let Some(next) = next {
@@ -126,7 +130,7 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
                 let slider = Slider::new(&mut y, min..=max).suffix(suffix).logarithmic(wide);
                 ui.add(slider.smallest_positive(0.01))
             };
-            if response.changed() {
+            if response.changed() && !passed(&response, *x, y) {
                 *next = Some(Value::Number(y));
             }
             response
@@ -160,14 +164,15 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
             }
             response
         }
-        (Kind::Vector { min, max }, Value::List(xs)) => numbers(ui, xs, next, |y| {
+        (Kind::Vector { min, max }, Value::List(xs)) => numbers(ui, field, xs, next, |y| {
             let speed = 0.01 * y.abs().max(0.1);
             DragValue::new(y).range(min..=max).speed(speed)
         }),
         (Kind::Size { min, max }, Value::List(xs)) => {
-            let response =
-                numbers(ui, xs, next, |y| DragValue::new(y).range(min..=max).fixed_decimals(0));
-            if let Some(Value::List(ys)) = next.as_mut().filter(|_| response.changed()) {
+            let response = numbers(ui, field, xs, next, |y| {
+                DragValue::new(y).range(min..=max).fixed_decimals(0)
+            });
+            if let Some(Value::List(ys)) = next {
                 ys.iter_mut().for_each(|y| *y = y.round());
             }
             response
@@ -180,23 +185,46 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
     }
 }
 
+/// What the numbers of a field of several are called.
+fn parts(field: &Field) -> &'static [&'static str] {
+    match field.kind {
+        Kind::Size { .. } => &["width", "height"],
+        Kind::Vector { .. } if field.key == "fibre.sigma_a" => &["red", "green", "blue"],
+        Kind::Vector { .. } => &["x", "y", "z"],
+        _ => &[],
+    }
+}
+
 /// Numbers in a row, each to be dragged.
 fn numbers(
     ui: &mut Ui,
+    field: &Field,
     xs: &[f64],
     next: &mut Option<Value>,
     widget: impl Fn(&mut f64) -> DragValue<'_>,
 ) -> egui::Response {
     let mut ys = xs.to_vec();
+    let mut changed = false;
     let inner = ui.horizontal(|ui| {
         // From right to left.
-        ys.iter_mut().rev().map(|y| ui.add(widget(y))).reduce(|all, one| all | one)
+        let named = ys.iter_mut().zip(xs).zip(parts(field)).rev();
+        let added = named.map(|((y, x), part)| {
+            let response = ui.add(widget(y));
+            changed |= response.changed() && !passed(&response, *x, *y);
+            response.accessible_name(format!("{}, {part}", name(field)))
+        });
+        added.reduce(|all, one| all | one)
     });
-    let response = inner.inner.unwrap_or(inner.response);
-    if response.changed() {
+    if changed {
         *next = Some(Value::List(ys));
     }
-    response
+    inner.inner.unwrap_or(inner.response)
+}
+
+/// Whether the focus only went through a number: a widget that loses it reads its own text, which is the number rounded.
+fn passed(response: &egui::Response, before: f64, after: f64) -> bool {
+    let decimals = format!("{after}").split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    response.lost_focus() && format!("{before:.decimals$}") == format!("{after:.decimals$}")
 }
 
 /// What a field that is left to the program gets once it is not.
@@ -248,11 +276,13 @@ fn source(
         }
         ui.separator();
         ui.label("Path of a file");
-        let typed = typed(ui, field, text, next);
-        name_it(&typed, &format!("Path of the {}", name(field)));
+        typed(ui, field, text, next).accessible_name(format!("Path of the {}", name(field)));
     });
     combo.response
 }
+
+/// Of [`alternatives`]: what a fibre's pigment states.
+pub const COLOR: &str = "the colour of the fibre";
 
 /// The ways in which one thing can be stated, to choose from; and the fields of the one that holds.
 pub fn alternatives(ui: &mut Ui, of: &str, label: &str, scene: &mut Scene, explain: Explain) {
@@ -270,7 +300,7 @@ pub fn alternatives(ui: &mut Ui, of: &str, label: &str, scene: &mut Scene, expla
         FIELDS.iter().filter(move |f| f.alternative.is_some_and(|a| a.of == of && a.way == way))
     };
     let holds = ways().into_iter().find(|way| of_way(way).all(|f| f.get(scene).is_some()));
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.label(label);
         for way in ways() {
             if ui.selectable_label(holds == Some(way), way).clicked() && holds != Some(way) {
@@ -288,7 +318,7 @@ fn turn_to(scene: &mut Scene, way: &str) {
     let sigma_a = scene.fibre.pigment.sigma_a();
     scene.fibre.pigment = match way {
         "absorption" => Pigment::Absorption(sigma_a),
-        "melanin" => Pigment::Melanin { eumelanin: sigma_a[0] / 0.419, pheomelanin: 0.0 },
+        "melanin" => Pigment::melanin_near(sigma_a),
         _ => Pigment::Color(assembly_color(sigma_a)),
     };
 }

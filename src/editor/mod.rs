@@ -45,20 +45,16 @@ use crate::file::state_folder;
 
 pub use app::Editor;
 pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
-pub use document::Document;
+pub use document::{Document, put_file};
 pub use history::{History, Step};
 pub use light_view::outline;
 
 /// Unsaved work is kept no more often.
 const KEPT_EVERY: Duration = Duration::from_secs(30);
 
-/// Opens the window on a document and comes back when it is closed. `shaders`: a folder to draw by in place of the
-/// built-in ones.
-///
-/// # Errors
-/// One line, where no window can be opened.
-pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
-    let options = eframe::NativeOptions {
+/// Of the window. A surface that is lost or out of date is made anew: so eframe does by itself.
+pub fn options() -> eframe::NativeOptions {
+    eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("Hairlight")
             .with_app_id("hairlight")
@@ -66,7 +62,15 @@ pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
             .with_min_inner_size([640.0, 400.0])
             .with_drag_and_drop(true),
         ..Default::default()
-    };
+    }
+}
+
+/// Opens the window on a document and comes back when it is closed. `shaders`: a folder to draw by in place of the
+/// built-in ones.
+///
+/// # Errors
+/// One line, where no window can be opened.
+pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
     let editor = |ctx: &egui::Context| {
         let mut editor = Editor::new(document, ctx);
         if let Some(folder) = shaders {
@@ -85,7 +89,7 @@ pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
     }
     let opened = eframe::run_native(
         "hairlight",
-        options,
+        options(),
         Box::new(|context| Ok(Box::new(Window(editor(&context.egui_ctx))))),
     );
     opened.map_err(|error| {

@@ -38,10 +38,11 @@ fn asked(scene: &Scene) -> Asked {
 }
 
 impl Light {
-    /// Whether it is what the scene asks for.
+    /// Whether it is what the scene asks for. A quality picks lights where the scene sets none.
     pub fn is_of(&self, scene: &Scene) -> bool {
-        (self.source.as_str(), self.wanted)
-            == (scene.environment.source.as_str(), Settings::of(scene).lights)
+        let picked = scene.render.quality.is_some() && scene.environment.lights.is_none();
+        self.source == scene.environment.source
+            && (picked || self.wanted == Settings::of(scene).lights)
     }
 
     fn make(

@@ -95,6 +95,8 @@ pub struct Picture {
 /// Time, counts and the error to expect of a finished picture.
 #[derive(Clone, Debug)]
 pub struct Figures {
+    /// What was picked for the scene's quality, where it asks for one.
+    pub picked: Option<String>,
     /// Milliseconds of what was made anew for it, in order.
     pub stages: Vec<(&'static str, f64)>,
     /// Strand points shaded, and lights that each may have been shaded with: wide ones are ordinates.

@@ -1,5 +1,7 @@
 //! The stages of a frame, each kept until what it was made from changes.
 
+mod pick;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,7 +20,7 @@ use crate::gpu::shaders::Shaders;
 use crate::image::display_bytes;
 use crate::light::{LitHair, Medium};
 use crate::paint::{Channel, Fibres, Layer, Paint};
-use crate::quality::{self, Costs, Facts, Settings};
+use crate::quality::{self, Costs, Facts, Pick, Settings};
 use crate::scene::{FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
 use crate::srbf::{self, split_weak, split_wide};
 use crate::stage::{Geometry, exposure_scale, place_lights};
@@ -59,15 +61,17 @@ struct Body {
     medium: Medium,
     /// Of [`HURRY_CELLS`].
     coarse: Medium,
+    /// Along the longest edge of `medium`.
+    cells: usize,
     /// Whether both have another thickness than the stage.
     stale: bool,
 }
 
 impl Body {
-    fn new(stage: Arc<Geometry>, thickness: Option<Layer>) -> Body {
-        let medium = Medium::new(&stage, &Detail::USUAL);
+    fn new(stage: Arc<Geometry>, thickness: Option<Layer>, cells: usize) -> Body {
+        let medium = Medium::new(&stage, &Detail { cells, ..Detail::USUAL });
         let coarse = medium.with_cells(&stage, HURRY_CELLS);
-        Body { stage, thickness, medium, coarse, stale: false }
+        Body { stage, thickness, medium, coarse, cells, stale: false }
     }
 }
 
@@ -116,6 +120,8 @@ pub struct Session {
     /// Milliseconds of what was made for the whole picture under way.
     stages: Vec<(&'static str, f64)>,
     facts: Option<Made<(u64, u64), Facts>>,
+    /// For the scene's quality, of a wish without exposure.
+    picked: Option<Made<Wish, Pick>>,
 }
 
 /// Told, from any thread, what goes on.
@@ -148,6 +154,7 @@ impl Default for Session {
             whole: None,
             stages: Vec::new(),
             facts: None,
+            picked: None,
         }
     }
 }
@@ -322,8 +329,11 @@ impl Session {
             return Ok(true);
         }
         self.whole = None;
+        if !self.pick(wish, go_on, say)? {
+            return Ok(true);
+        }
         let begun = Instant::now();
-        self.make_medium();
+        self.make_medium(self.settings(scene).cells);
         self.make_lighting(scene, false, go_on, say)?;
         self.stages = vec![("light through hair", ms_since(begun))];
         let whole = self.finish(wish, go_on, say)?;
@@ -368,9 +378,10 @@ impl Session {
         Ok(())
     }
 
-    fn make_medium(&mut self) {
-        let Some(body) = self.body.as_mut().filter(|body| body.it.stale) else { return };
-        body.it = Body::new(body.it.stage.clone(), body.it.thickness.take());
+    fn make_medium(&mut self, cells: usize) {
+        let other = |body: &Body| body.stale || body.cells != cells;
+        let Some(body) = self.body.as_mut().filter(|body| other(&body.it)) else { return };
+        body.it = Body::new(body.it.stage.clone(), body.it.thickness.take(), cells);
         (self.coarse, self.fine) = (None, None);
     }
 
@@ -389,7 +400,7 @@ impl Session {
         let thickness = self.thickness(wish, &stage)?;
         stage.thicken(thickness.as_ref());
         let stage = Arc::new(stage);
-        let body = Body::new(stage.clone(), thickness);
+        let body = Body::new(stage.clone(), thickness, Detail::USUAL.cells);
         // Another method is set before anything is shown.
         let even = Fibres::even(&scene.fibre.resolve());
         let method = MethodData::new(scene.fibre.model, even, &scene.render)?;
@@ -543,7 +554,7 @@ impl Session {
         let begun = Instant::now();
         let scene = &wish.scene;
         let asked = parts(scene.render.scattering);
-        let settings = Settings::of(scene);
+        let settings = self.settings(scene);
         self.hurry_ready = None;
         let turned = (self.lights, scene.environment.rotation_deg);
         let Some(body) = &self.body else { bail!("no hair") };
@@ -640,7 +651,9 @@ impl Session {
             let rest_ms = frame.passes.values().sum::<f64>() - shade_ms;
             Costs::measured(settings, points, lights, shade_ms, rest_ms)
         });
+        let picked = self.picked.as_ref().zip(scene.render.quality);
         Ok(Figures {
+            picked: picked.map(|(picked, target)| picked.it.line(target)),
             stages: self.stages.clone(),
             points,
             lights,

@@ -16,6 +16,9 @@ const EUMELANIN_CROSS_SECTION: [f64; 3] = [0.419, 0.697, 1.37];
 /// d'Eon 2011 §6.1, linear sRGB, per radius and unit of concentration.
 const PHEOMELANIN_CROSS_SECTION: [f64; 3] = [0.187, 0.4, 1.05];
 
+/// The greatest concentration that a scene may have.
+pub(super) const MOST_MELANIN: f64 = 100.0;
+
 /// What gives the hair its colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pigment {
@@ -156,6 +159,34 @@ impl Pigment {
                 eumelanin * EUMELANIN_CROSS_SECTION[c] + pheomelanin * PHEOMELANIN_CROSS_SECTION[c]
             }),
             Pigment::Color(color) => color.map(sigma_a_from_color),
+        }
+    }
+
+    /// The two melanins whose absorption is nearest to `sigma_a` (per radius, linear RGB), by least squares.
+    pub fn melanin_near(sigma_a: [f64; 3]) -> Self {
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let (e, p) = (EUMELANIN_CROSS_SECTION, PHEOMELANIN_CROSS_SECTION);
+        let (ee, ep, pp) = (dot(e, e), dot(e, p), dot(p, p));
+        let (es, ps) = (dot(e, sigma_a), dot(p, sigma_a));
+        let det = ee * pp - ep * ep;
+        let [mut eumelanin, mut pheomelanin] =
+            [pp * es - ep * ps, ee * ps - ep * es].map(|x| x / det);
+        // Where one of them would be less than none, it is none, and the other alone comes nearest.
+        if eumelanin < 0.0 {
+            (eumelanin, pheomelanin) = (0.0, ps / pp);
+        } else if pheomelanin < 0.0 {
+            (eumelanin, pheomelanin) = (es / ee, 0.0);
+        }
+        let [eumelanin, pheomelanin] = [eumelanin, pheomelanin].map(|x| x.min(MOST_MELANIN));
+        Pigment::Melanin { eumelanin, pheomelanin }
+    }
+
+    /// An absorption stated as this one is, as near as that way has it.
+    pub fn restate(&self, sigma_a: [f64; 3]) -> Self {
+        match self {
+            Pigment::Absorption(_) => Pigment::Absorption(sigma_a),
+            Pigment::Melanin { .. } => Self::melanin_near(sigma_a),
+            Pigment::Color(_) => Pigment::Color(assembly_color(sigma_a)),
         }
     }
 }

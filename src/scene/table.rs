@@ -1,5 +1,6 @@
 //! The table of fields: every key of a scene, once.
 
+use super::fibre::MOST_MELANIN;
 use super::field::{Alternative, Field, Kind, Slot, Value};
 use super::preset::{self, PRESETS};
 use super::{
@@ -63,7 +64,7 @@ const POINT: Kind = Kind::Vector { min: -1e9, max: 1e9 };
 const ROUGHNESS: Kind = Kind::Number { min: 0.01, max: 1.0 };
 const TINT: Kind = Kind::Color { min: 0.0, max: 1.0, words: &[] };
 const INTENSITY: Kind = Kind::Number { min: 0.0, max: 4.0 };
-const CONCENTRATION: Kind = Kind::Number { min: 0.0, max: 100.0 };
+const CONCENTRATION: Kind = Kind::Number { min: 0.0, max: MOST_MELANIN };
 
 /// All fields, in the order of a scene file.
 pub static FIELDS: &[Field] = &[

@@ -30,7 +30,7 @@ const LOBES: [(&str, [&str; 4]); 3] = [
 #[derive(Default)]
 pub(super) struct FibreSection {
     thumbnails: Thumbnails,
-    hints: Hints,
+    pub(super) hints: Hints,
     lobes: LobePlot,
 }
 
@@ -56,8 +56,7 @@ impl Editor {
                 let condition = if tinted { ", were no lobe tinted" } else { "" };
                 ui.weak(format!("of the hair as a whole{condition}"));
             });
-            let (of, label) = ("the colour of the fibre", "Colour by");
-            fields::alternatives(ui, of, label, scene, &mut explain);
+            fields::alternatives(ui, fields::COLOR, "Colour by", scene, &mut explain);
             egui::CollapsingHeader::new("Lobes").default_open(true).show(ui, |ui| {
                 own.lobes.show(ui, scene);
             });

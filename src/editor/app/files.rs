@@ -22,6 +22,8 @@ struct Prompt {
     scene: Option<Scene>,
     /// What goes on once it is saved there.
     then: Option<Leaving>,
+    /// Nothing was typed or clicked yet.
+    new: bool,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -74,7 +76,7 @@ impl Editor {
             PromptKind::Picture => self.document.scene.output.path.clone(),
         };
         let scene = (kind == PromptKind::Picture).then(|| self.document.scene.clone());
-        self.files.prompt = Some(Prompt { kind, path, chosen: None, scene, then: None });
+        self.files.prompt = Some(Prompt { kind, path, chosen: None, scene, then: None, new: true });
     }
 
     pub(super) fn save(&mut self) {
@@ -260,6 +262,9 @@ impl Editor {
                 let label = ui.label("Path");
                 let edit = egui::TextEdit::singleline(&mut prompt.path).desired_width(360.0);
                 let edit = ui.add(edit).labelled_by(label.id);
+                if std::mem::take(&mut prompt.new) {
+                    edit.request_focus();
+                }
                 if edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter)) {
                     done = true;
                 }
@@ -276,6 +281,8 @@ impl Editor {
                 done |= ui.button(word).clicked();
                 given_up = ui.button("Cancel").clicked();
             });
+            // Keys of the window rest while text is typed.
+            given_up |= ui.input(|i| i.key_pressed(Key::Escape));
         });
         if done && !prompt.path.is_empty() {
             let path = PathBuf::from(&prompt.path);

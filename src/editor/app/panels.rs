@@ -9,10 +9,9 @@ use super::files::{Leaving, PromptKind};
 use super::picture::bare;
 use super::{Editor, Tool};
 use crate::editor::brush::{Falloff, Mode, Reach};
-use crate::editor::fields::{self, field};
+use crate::editor::fields::field;
 use crate::editor::viewport;
 use crate::paint::Channel;
-use crate::scene::{PRESETS, Pigment};
 
 impl Editor {
     pub(super) fn menu(&mut self, ui: &mut Ui) {
@@ -65,7 +64,16 @@ impl Editor {
                 }
                 ui.separator();
                 ui.menu_button("Interface size", egui::gui_zoom::zoom_menu_buttons);
-                egui::widgets::global_theme_preference_buttons(ui);
+                let mut theme = ui.ctx().options(|options| options.theme_preference);
+                ui.horizontal(|ui| {
+                    use egui::ThemePreference::{Dark, Light, System};
+                    for (other, word) in
+                        [(System, "As the desktop"), (Dark, "Dark"), (Light, "Light")]
+                    {
+                        ui.radio_value(&mut theme, other, word);
+                    }
+                });
+                ui.ctx().set_theme(theme);
             });
             if ui.button("?").on_hover_text("Shortcuts").clicked() {
                 self.shortcuts = !self.shortcuts;
@@ -124,27 +132,7 @@ impl Editor {
             brush.value = bare(&self.document.scene, brush.channel);
         }
         match brush.channel {
-            Channel::Absorption => {
-                let sigma_a = brush.value.map(|root| f64::from(root) * f64::from(root));
-                let mut color = fields::assembly_color(sigma_a).map(|c| c as f32);
-                ui.horizontal(|ui| {
-                    let label = ui.label("Hair colour");
-                    let edit = ui.color_edit_button_rgb(&mut color).labelled_by(label.id);
-                    if edit.changed() {
-                        let held = color.map(|c| f64::from(c).clamp(0.001, 0.999));
-                        brush.value = Pigment::Color(held).sigma_a().map(|s| s.sqrt() as f32);
-                    }
-                });
-                ui.horizontal_wrapped(|ui| {
-                    for preset in PRESETS {
-                        let mut fibre = crate::scene::FibreSpec::default();
-                        fibre.set_preset(preset);
-                        if ui.small_button(preset.name).on_hover_text("Its pigment").clicked() {
-                            brush.value = fibre.pigment.sigma_a().map(|s| s.sqrt() as f32);
-                        }
-                    }
-                });
-            }
+            Channel::Absorption => self.brush_color.show(ui, brush, &mut self.fibre.hints),
             channel => {
                 let [least, most] = channel.range();
                 let unit = match channel {
@@ -197,7 +185,8 @@ impl Editor {
         for (k, step) in steps.iter().enumerate() {
             let label = egui::RichText::new(step.label());
             let label = if k < done { label } else { label.weak() };
-            if ui.push_id(k, |ui| ui.selectable_label(k + 1 == done, label)).inner.clicked() {
+            let shown = ui.push_id(k, |ui| ui.selectable_label(k + 1 == done, label)).inner;
+            if shown.accessible_name(format!("Step {}: {}", k + 1, step.label())).clicked() {
                 wanted = Some(k + 1);
             }
         }
@@ -239,6 +228,10 @@ impl Editor {
                     field(ui, key, scene);
                 }
             }
+            // What was painted since stands for the file.
+            if self.document.paint.is_none() {
+                field(ui, "hair.paint", scene);
+            }
             self.notes.iter().rev().take(4).for_each(|line| {
                 ui.weak(line);
             });
@@ -250,12 +243,17 @@ impl Editor {
                 "render.nodes",
                 "render.segments",
                 "render.samples",
+                "render.quality",
                 "render.scattering",
                 "render.adapter",
                 "output.size",
                 "output.path",
             ] {
                 field(ui, key, scene);
+            }
+            let picture = self.shown.picture.as_ref();
+            if let Some(line) = picture.and_then(|p| p.figures.as_ref()?.picked.as_ref()) {
+                ui.weak(line);
             }
         });
     }

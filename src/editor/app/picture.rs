@@ -29,10 +29,7 @@ impl Editor {
             ctx.set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
         } else if let Some(at) = response.hover_pos().filter(|_| self.tool == Tool::Paint) {
             let color = match self.brush.channel {
-                Channel::Absorption => {
-                    let sigma_a = self.brush.value.map(|root| f64::from(root * root));
-                    fields::swatch(fields::assembly_color(sigma_a))
-                }
+                Channel::Absorption => fields::swatch(fields::assembly_color(self.brush.sigma_a())),
                 _ => Color32::WHITE,
             };
             viewport::ring(ui, rect, at, self.brush.radius * rect.height(), color);
