@@ -14,6 +14,7 @@ mod frames;
 mod groom;
 mod hair;
 mod hard_cases;
+mod lamps;
 mod light;
 mod measure;
 mod nodes;

@@ -74,6 +74,8 @@ fn name(field: &Field) -> String {
         "environment.source" => "map".to_owned(),
         "environment.exposure" => "light exposure".to_owned(),
         "camera.fov_deg" => "field of view".to_owned(),
+        // There are four of each.
+        key if key.starts_with("lamp") => format!("{} {name}", field.group()),
         _ => name,
     }
 }
@@ -145,11 +147,11 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
                 });
             shown.response
         }
-        (Kind::Color { .. }, Value::List(rgb)) => {
+        (Kind::Color { min, max, .. }, Value::List(rgb)) => {
             let mut color = [0, 1, 2].map(|k| rgb.get(k).copied().unwrap_or(0.0) as f32);
             let response = ui.color_edit_button_rgb(&mut color);
             if response.changed() {
-                let held = color.map(|c| f64::from(c).clamp(0.001, 0.999));
+                let held = color.map(|c| f64::from(c).clamp(min, max));
                 *next = Some(Value::List(held.to_vec()));
             }
             response

@@ -16,12 +16,12 @@ use crate::gpu::frame::{Background, Frame, Renderer};
 use crate::gpu::method::MethodData;
 use crate::gpu::shaders::Shaders;
 use crate::image::display_bytes;
-use crate::light::{LitHair, Medium};
+use crate::light::{Lights, LitHair, Medium};
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::quality::{self, Costs, Facts, Settings};
-use crate::scene::{FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
+use crate::scene::{FibreSpec, HairSpec, HeadSpec, LAMPS, LampSpec, Lens, RenderSpec, Scene};
 use crate::srbf::{self, split_weak, split_wide};
-use crate::stage::{Geometry, exposure_scale, place_lights};
+use crate::stage::{Geometry, exposure_scale, place_lights, suns};
 use crate::transport::Detail;
 
 /// A hurried picture shall take no longer.
@@ -70,8 +70,8 @@ impl Body {
     }
 }
 
-/// The fit and its rotation that hair is lit by.
-type Turned = (u64, f64);
+/// The fit, its rotation and the lamps that hair is lit by.
+type Turned = (u64, f64, [LampSpec; LAMPS]);
 
 /// How a picture was made: see [`Picture`].
 struct How {
@@ -415,26 +415,36 @@ impl Session {
         let (Some(body), Some(light)) = (&self.body, &self.light) else {
             bail!("no hair or light")
         };
-        let from = (self.lights, scene.environment.rotation_deg);
+        let from = (self.lights, scene.environment.rotation_deg, scene.lamps);
         let good = |made: &Option<Made<Turned, LitHair>>| {
             made.as_ref().is_some_and(|made| made.from == from)
         };
         if good(&self.fine) || hurry && good(&self.coarse) {
             return Ok(());
         }
+        // Where lamps alone are others, they alone are brought, and at once.
+        let by_lamps = self.fine.as_ref().is_some_and(|made| {
+            (made.from.0, made.from.1) == (from.0, from.1) && made.from.2 != from.2
+        });
         if !good(&self.coarse)
             && let Some(renderer) = &mut self.gpu
         {
             renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
         }
-        let lights = place_lights(&light.fit.lights, &unexposed(scene));
-        let (medium, made, lights) = match hurry {
+        let scene = &unexposed(scene);
+        let lights = place_lights(&light.fit.lights, scene);
+        let (medium, made, lights) = match hurry && !by_lamps {
             true => (&body.it.coarse, &mut self.coarse, split_weak(&lights, HURRY_LIGHTS)),
             false => (&body.it.medium, &mut self.fine, split_wide(&lights)),
         };
+        let distant = [suns(scene), lights].concat();
+        let lights = Lights { lamps: body.it.stage.near_lamps(scene), distant };
         /// Of no fit.
-        const NOT_YET: Turned = (u64::MAX, 0.0);
-        let begun = made.get_or_insert_with(|| Made { from: NOT_YET, it: LitHair::default() });
+        const NOT_YET: u64 = u64::MAX;
+        let begun = made.get_or_insert_with(|| Made {
+            from: (NOT_YET, 0.0, scene.lamps),
+            it: LitHair::default(),
+        });
         begun.it.retain(&body.it.stage, &self.seen);
         medium.relight(&body.it.stage, &mut begun.it, lights, &|done| {
             if !hurry {
@@ -455,7 +465,7 @@ impl Session {
         let size = wish.size.map(|s| (f64::from(s) * share).round().max(1.0) as u32);
         let asked = parts(scene.render.scattering);
         let (now, ready) = (self.lit, self.hurry_ready);
-        let turned = (self.lights, scene.environment.rotation_deg);
+        let turned = (self.lights, scene.environment.rotation_deg, scene.lamps);
         let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, size)?;
@@ -493,7 +503,7 @@ impl Session {
         let asked = parts(scene.render.scattering);
         let settings = Settings::of(scene);
         self.hurry_ready = None;
-        let turned = (self.lights, scene.environment.rotation_deg);
+        let turned = (self.lights, scene.environment.rotation_deg, scene.lamps);
         let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, wish.size)?;
@@ -572,7 +582,7 @@ impl Session {
         let (Some(body), Some(lit), Some(method)) = (&self.body, &self.fine, &self.method) else {
             bail!("no hair")
         };
-        let lights = &lit.it.lights;
+        let lights = &lit.it.lobes(&body.it.stage);
         let mut facts = match self.facts.take().filter(|made| made.from == from) {
             Some(made) => made.it,
             None => Facts::new(&method.it, lights, 1.0, multiple),
