@@ -23,15 +23,16 @@ use hairlight::reference::Models;
 use hairlight::reference::tracer::film::Film;
 use hairlight::reference::tracer::light::Light;
 use hairlight::reference::tracer::skin::Skin;
-use hairlight::reference::tracer::strands::Strands;
+use hairlight::reference::tracer::strands::{StrandRay, Strands};
 use hairlight::reference::tracer::{Sampling, TraceScene, trace};
 use hairlight::scattering::model::Model;
-use hairlight::scene::{LampKind, LampSpec, Lens, PRESETS, Scene};
+use hairlight::scene::{Energies, LampKind, LampSpec, Lens, PRESETS, Scene};
 use hairlight::srbf::{SrbfLight, split_wide};
 use hairlight::stage::{Geometry, HEAD_ALBEDO, suns};
 use hairlight::transport::near::{self, Between};
 use hairlight::transport::volume::Volume;
 use hairlight::transport::{Detail, Occluders, Places, Reach, transport};
+use rayon::prelude::*;
 
 use crate::editor::{apart, drag, editor, key, look, picture, seen, small, window_of};
 use crate::light::{pictures, see, session};
@@ -81,10 +82,10 @@ fn a_lobe_has_the_moments_of_its_lamp() {
     };
     let sun = lamp(&spec(LampKind::Sun, 2.0, 10.0));
     for (name, (lamp, p), allowed) in [
-        ("sun", (sun, DVec3::X), [1e-9, 1e-9, 0.004]),
-        ("sphere, 1.001 radii away", near(1.001), [1e-9, 1e-9, 0.004]),
-        ("sphere, 1.2 radii", near(1.2), [1e-9, 1e-9, 0.004]),
-        ("sphere, 4 radii", near(4.0), [1e-9, 1e-9, 0.004]),
+        ("sun", (sun, DVec3::X), [1e-9, 1e-6, 0.004]),
+        ("sphere, 1.001 radii away", near(1.001), [1e-9, 1e-6, 0.004]),
+        ("sphere, 1.2 radii", near(1.2), [1e-9, 1e-6, 0.004]),
+        ("sphere, 3 radii", near(3.0), [1e-9, 1e-6, 0.004]),
         ("softbox, 8 half sides before it", beside(0.0, 8.0), [1e-4, 1e-6, 0.004]),
         ("softbox, 2 before it", beside(0.0, 2.0), [1e-4, 1e-6, 0.04]),
         ("softbox, 1 before it", beside(0.0, 1.0), [1e-3, 1e-6, 0.12]),
@@ -103,8 +104,7 @@ fn a_lobe_has_the_moments_of_its_lamp() {
         // The control: as it is from the middle of the hair.
         let far = lamp.lobe(DVec3::ZERO);
         let worse = (far.energy()[1] / lobe.energy()[1] - 1.0).abs();
-        let moved = if lamp.is_near() { p.length() } else { 0.0 };
-        assert!(worse > 100.0 * allowed[0] || moved < 0.1, "{name}: {worse}");
+        assert_eq!(worse > 0.2, lamp.is_near(), "{name}: {worse}");
     }
 }
 
@@ -232,8 +232,8 @@ fn hair_beyond_a_lamp_does_not_shade_it() {
     let brought = near::transport(&between, &[lamp], &to, &|| true).unwrap();
     for (bits, away) in brought[0].reach.iter().zip([0.6f32, 0.3, 0.3]) {
         let reach = Reach::unpack(*bits);
-        // Less its radius, and half a cell at the start.
-        let exact = (-rho * (away - 0.02 - 0.5 * volume.cell)).exp();
+        // Less its radius, and an eighth of a cell at the start.
+        let exact = (-rho * (away - 0.02 - 0.125 * volume.cell)).exp();
         println!("{away} away: {} for {exact}", reach.direct);
         assert!((reach.direct - exact).abs() < 2e-3 && reach.open == 1.0);
     }
@@ -338,7 +338,8 @@ fn the_tracer_sees_the_irradiance_of_each_lamp() {
                 let lens = Lens { size: shot.size, ..lens(DVec3::new(0.0, 5.0, 0.01), 0.0005) };
                 let scene = TraceScene { skin: Some(&skin), lens, ..shot.scene() };
                 let mut film = Film::new(shot.size);
-                trace(&scene, &mut film, 64, &|_| true).unwrap();
+                let samples = if sampling == Sampling::Fibre { 512 } else { 64 };
+                trace(&scene, &mut film, samples, &|_| true).unwrap();
                 let count = film.pixels.len() as f64;
                 let z = |wanted: f64| z_score(total(&film, 0, |_| true), (wanted * count, 0.0));
                 let (own, more) = (z(seen), z(1.05 * seen));
@@ -489,36 +490,49 @@ fn softbox() -> LampSpec {
     LampSpec { azimuth_deg: -40.0, elevation_deg: 20.0, ..spec(LampKind::Softbox, 2.0, 0.6) }
 }
 
+/// Suns from the same sides and about as large are 19 and 12 % off, which the transmittance of cells leaves: README.
 #[test]
 fn single_scattering_under_a_lamp_is_that_of_the_path_tracer() {
     let mut view = View::new("blond");
-    for (name, spec, bar, control) in
-        [("sphere", sphere(), 0.2, 2.0), ("softbox", softbox(), 0.2, 1.0)]
-    {
+    for (name, spec, bar) in [("sphere", sphere(), 0.13), ("softbox", softbox(), 0.2)] {
         let lamp = view.lamp(&spec);
         let truth = view.truth(&[lamp], 1, 64);
-        let lit = view.light(near(lamp));
-        let frame = view.frame(&lit, None, SINGLE);
-        let far = view.light(distant(&view, lamp));
-        let flat = view.frame(&far, None, SINGLE);
-        let pixels = compare(&frame, &truth).unwrap().error();
-        let ((error, ratio), (worse, other)) = (blocks(&frame, &truth), blocks(&flat, &truth));
+        let [own, far] = [near(lamp), distant(&view, lamp)];
+        let mut against = |lights: Lights| {
+            let lit = view.light(lights);
+            let report = compare(&view.frame(&lit, None, SINGLE), &truth).unwrap();
+            (report.error(), report.mean_ratio[1].unwrap())
+        };
+        let (error, ratio) = against(own);
+        let (worse, other) = against(far);
         println!(
-            "{name}: {:.1} % off (ratio {ratio:.3}; pixel by pixel {:.1} %); as a distant light {:.1} % ({other:.3})",
+            "{name}: {:.1} % off, ratio {ratio:.3}; as a distant light {:.1} %, {other:.3}",
             100.0 * error,
-            100.0 * pixels,
             100.0 * worse
         );
-        assert!(error < bar && (ratio - 1.0).abs() < 0.15, "{name}: {error} {ratio}");
-        assert!(worse > control * error, "{name}: {worse}");
+        assert!(error < bar && (ratio - 1.0).abs() < 0.06, "{name}: {error} {ratio}");
+        assert!(worse > 2.0 * error, "{name}: {worse}");
+        // The baseline sees it too; its integrals are a tenth off.
+        if lamp.shape == view.lamp(&sphere()).shape {
+            let fibre = view.scene.fibre.resolve();
+            let lit = view.light(near(lamp));
+            let fast = std::mem::replace(
+                &mut view.method,
+                MethodData::xu(&fibre, 4, Energies::Quadrature),
+            );
+            let report = compare(&view.frame(&lit, None, SINGLE), &truth).unwrap();
+            view.method = fast;
+            println!("by xu {:.1} % off", 100.0 * report.error());
+            assert!(report.error() < bar + 0.1);
+        }
     }
 }
 
-/// The light of more than one scattering event, in the frame's picture and in the tracer's.
+/// The light of more than one scattering event. Suns from the same sides are 20 and 11 % off.
 #[test]
 fn multiple_scattering_under_a_lamp_is_that_of_the_path_tracer() {
     let mut view = View::new("white");
-    for (name, spec) in [("sphere", sphere()), ("softbox", softbox())] {
+    for (name, spec, bar) in [("sphere", sphere(), 0.25), ("softbox", softbox(), 0.15)] {
         let lamp = view.lamp(&spec);
         let without = |whole: &Picture, single: &Picture| {
             let rest = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| a[c] - b[c]);
@@ -549,65 +563,120 @@ fn multiple_scattering_under_a_lamp_is_that_of_the_path_tracer() {
             100.0 * worse,
             100.0 * both
         );
-        // As under maps: tests/field.rs.
-        assert!(error < 0.2 && (ratio - 1.0).abs() < 0.15, "{name}: {error} {ratio}");
-        assert!(worse > 1.5 * error || name == "softbox", "{name}: {worse}");
+        assert!(error < bar && (ratio - 1.0).abs() < 0.1, "{name}: {error} {ratio}");
+        assert!(worse > 2.0 * error, "{name}: {worse}");
     }
 }
 
-/// Irradiance through the hair at vertices of the head, against rays through the real strands.
-#[test]
-fn the_head_is_lit_by_a_lamp_as_rays_find_it() {
-    let (_, stage) = bob(6000);
-    let medium = Medium::new(&stage, &Detail::USUAL);
-    let Geometry { hair, diameters, frames, head, center, radius, .. } = &stage;
-    let head = head.as_ref().unwrap();
-    let strands = Strands::new(hair, diameters, frames, 2, *center);
-    let rays = HeadRays::new(head, *center);
-    let lamp = Lamp::new(&sphere(), *center, *radius, 1.0).unwrap();
-    let own = lamp.moved(-center.as_dvec3());
-    let lift = 1e-3 * radius;
-    let vertices: Vec<usize> = (0..head.positions.len()).step_by(7).collect();
-    let exact = |&v: &usize| {
-        const RAYS: u32 = 64;
-        let normal = head.normals[v];
-        let p = head.positions[v] - *center + lift * normal;
-        let mut sum = 0.0;
+/// Rays through the real strands and the head.
+struct Real<'a> {
+    stage: &'a Geometry,
+    strands: Strands<'a>,
+    head: HeadRays,
+}
+
+impl<'a> Real<'a> {
+    fn new(stage: &'a Geometry) -> Self {
+        let Geometry { hair, diameters, frames, head, center, .. } = stage;
+        let strands = Strands::new(hair, diameters, frames, 1, *center);
+        Real { stage, strands, head: HeadRays::new(head.as_ref().unwrap(), *center) }
+    }
+
+    /// Mean over 64 ways from `p` to what shines on it of what comes through to a surface across `normal`, or to any.
+    fn through(
+        &self,
+        lamp: &Lamp,
+        p: Vec3,
+        normal: Option<Vec3>,
+        own: impl Fn(DVec3) -> StrandRay,
+    ) -> f64 {
+        const RAYS: u32 = 256;
+        let (mut sum, mut all) = (0.0, 0.0);
         for k in 0..RAYS {
             let u = [
                 (f64::from(k) + 0.5) / f64::from(RAYS),
                 f64::from(k.reverse_bits()) / 2f64.powi(32),
             ];
-            let Some(sight) = own.draw(p.as_dvec3(), u) else { continue };
-            let cosine = normal.dot(sight.direction.as_vec3());
-            let mut ray = hairlight::reference::tracer::strands::StrandRay::free(
-                p,
-                sight.direction.as_vec3(),
-            );
+            let Some(sight) = lamp.draw(p.as_dvec3(), u) else { continue };
+            let cosine = normal.map_or(1.0, |n| f64::from(n.dot(sight.direction.as_vec3())));
+            all += 1.0 / sight.pdf;
+            let mut ray = own(sight.direction);
             ray.ray.tmax = sight.distance as f32;
-            if cosine > 0.0 && !rays.occluded(&ray.ray) && !strands.occluded(&ray) {
-                sum += f64::from(cosine) / sight.pdf / f64::from(RAYS);
+            if cosine > 0.0 && !self.head.occluded(&ray.ray) && !self.strands.occluded(&ray) {
+                sum += cosine / sight.pdf;
             }
         }
-        sum * lamp.radiance[1]
-    };
-    let truth: Vec<f64> = vertices.iter().map(exact).collect();
-    let error = |lights: Lights| {
-        let lit = medium.bring(&stage, lights, &[], &|_| true).unwrap();
-        let all = lit.head_irradiance();
-        let got = vertices.iter().map(|&v| f64::from(all[v].y));
-        let pairs: Vec<(f64, f64)> = got.zip(truth.iter().copied()).collect();
+        if normal.is_some() { sum / f64::from(RAYS) } else { sum / f64::max(all, 1e-30) }
+    }
+
+    /// Irradiance at a vertex of the head, green.
+    fn irradiance(&self, lamp: &Lamp, v: usize) -> f64 {
+        let head = self.stage.head.as_ref().unwrap();
+        let normal = head.normals[v];
+        let from = head.positions[v] + 1e-3 * self.stage.radius * normal - self.stage.center;
+        let leave = |omega: DVec3| StrandRay::free(from, omega.as_vec3());
+        lamp.radiance[1] * self.through(lamp, head.positions[v], Some(normal), leave)
+    }
+
+    /// T̃ at a strand point.
+    fn transmittance(&self, lamp: &Lamp, point: usize) -> f64 {
+        let Geometry { hair, diameters, frames, center, .. } = self.stage;
+        let strand = hair.offsets.partition_point(|&first| first as usize <= point) - 1;
+        let at = (hair.points[point] - *center).as_dvec3();
+        let (radius, u) = (0.5 * f64::from(diameters[point]), frames.tangents[point].as_dvec3());
+        let leave = |omega| StrandRay::leaving(at, radius, u, strand as u32, omega);
+        self.through(lamp, hair.points[point], None, leave)
+    }
+}
+
+/// T̃ at strand points and irradiance at vertices of the head. Of a sun from the sphere's side they are 0.046 and 15 % off;
+/// near the head few vertices, through few strands, get most of the sphere's light.
+#[test]
+fn lamps_come_through_hair_as_rays_do() {
+    let (_, stage) = bob(6000);
+    let medium = Medium::new(&stage, &Detail::USUAL);
+    let real = Real::new(&stage);
+    let points: Vec<u32> = (0..stage.hair.points.len() as u32).step_by(97).collect();
+    let vertices: Vec<usize> =
+        (0..stage.head.as_ref().unwrap().positions.len()).step_by(7).collect();
+    let lamp = |spec: &LampSpec| Lamp::new(spec, stage.center, stage.radius, 1.0).unwrap();
+    let error = |lamp: &Lamp, lights: Lights| {
+        let begun = Instant::now();
+        let lit = medium.bring(&stage, lights, &points, &|_| true).unwrap();
+        let ms = 1e3 * begun.elapsed().as_secs_f64();
+        let deltas: Vec<f64> = (points.par_iter().zip(&lit.brought[0].reach))
+            .map(|(&point, &bits)| {
+                f64::from(Reach::unpack(bits).direct) - real.transmittance(lamp, point as usize)
+            })
+            .collect();
+        let count = deltas.len() as f64;
+        let mean = deltas.iter().sum::<f64>() / count;
+        let off = deltas.iter().map(|d| d.abs()).sum::<f64>() / count;
+        let got = lit.head_irradiance();
+        let pairs: Vec<(f64, f64)> = (vertices.par_iter())
+            .map(|&v| (f64::from(got[v].y), real.irradiance(lamp, v)))
+            .collect();
         let norm: f64 = pairs.iter().map(|(_, b)| b * b).sum();
-        let off: f64 = pairs.iter().map(|(a, b)| (a - b).powi(2)).sum();
+        let head: f64 = pairs.iter().map(|(a, b)| (a - b).powi(2)).sum();
         let [a, b] = pairs.iter().fold([0.0; 2], |[x, y], (a, b)| [x + a, y + b]);
-        ((off / norm).sqrt(), a / b)
+        let head = (head / norm).sqrt();
+        println!(
+            "ΔT̃ {mean:+.4}, |ΔT̃| {off:.4}; head {head:.3} off (ratio {:.3}); {} looks, {ms:.0} ms",
+            a / b,
+            lit.brought[0].looks
+        );
+        (off, head)
     };
-    let (own, ratio) = error(near(lamp));
-    let lobe = lamp.lobe(center.as_dvec3());
-    let (far, other) = error(Lights::from([vec![lobe], split_wide(&[])].concat()));
-    println!("{own:.3} off (ratio {ratio:.3}); as a distant light {far:.3} ({other:.3})");
-    assert!(own < 0.25 && (ratio - 1.0).abs() < 0.1, "{own} {ratio}");
-    assert!(far > 2.0 * own, "{far}");
+    for (spec, head_bar) in [(sphere(), 0.4), (softbox(), 0.2)] {
+        let lamp = lamp(&spec);
+        let (off, head) = error(&lamp, near(lamp));
+        assert!(off < 0.03 && head < head_bar, "{off} {head}");
+        // The control: as it is from the middle of the hair.
+        let lobe = lamp.lobe(stage.center.as_dvec3());
+        let lights = [vec![lobe], split_wide(&[])].concat();
+        let (far, far_head) = error(&lamp, Lights::from(lights));
+        assert!(far > 2.0 * off && far_head > 2.0 * head, "{far} {far_head}");
+    }
 }
 
 #[test]
@@ -698,7 +767,8 @@ fn a_session_follows_its_lamps() {
     suns.lamps[3].kind = LampKind::Sun;
     suns.environment.rotation_deg = 30.0;
     let hurried = last(&moved, true).unwrap();
-    for (name, scene) in [("moved", &moved), ("brighter", &bright), ("a sun", &suns)] {
+    last(&bright, false);
+    for (name, scene) in [("a sun", &suns), ("moved", &moved)] {
         let shown = last(scene, false).unwrap();
         let said = see(&mut self::session(), &wish(scene, false));
         let fresh = &pictures(&said).last().unwrap().rgba;
@@ -714,7 +784,7 @@ fn a_session_follows_its_lamps() {
 #[test]
 fn a_lamp_is_added_placed_and_taken_back() {
     let scene = small();
-    let mut window = window_of(Document::new(scene.clone(), None), [860.0, 1300.0]);
+    let mut window = window_of(Document::new(scene.clone(), None), [860.0, 1000.0]);
     let dark = picture(&window);
     // The widgets come first.
     window.get_by_label("Fibre").click();
@@ -764,4 +834,35 @@ fn a_lamp_is_added_placed_and_taken_back() {
     window.get_by_label("Remove lamp 4").click();
     window.run_steps(4);
     assert_eq!(editor(&window).document.scene.lamps[3].kind, LampKind::None);
+}
+
+/// Milliseconds to hurried pictures of a lamp that is dragged.
+#[test]
+#[ignore = "by hand: prints times"]
+fn by_hand_latency_of_a_lamp() {
+    for hair in [None, std::env::var("HAIR").ok()] {
+        let mut scene = Scene::default();
+        if let Some(hair) = hair {
+            scene.hair.source = hair;
+            scene.head.source = std::env::var("HEAD").unwrap();
+        }
+        scene.lamps[0] = sphere();
+        let mut session = session();
+        let mut wish = Wish::new(scene, [720, 480]);
+        see(&mut session, &wish);
+        wish.moving = true;
+        let mut time = |name: &str, edit: &dyn Fn(&mut LampSpec)| {
+            edit(&mut wish.scene.lamps[0]);
+            let begun = Instant::now();
+            let said = see(&mut session, &wish);
+            assert!(!pictures(&said).is_empty());
+            println!("{name}: {} ms", begun.elapsed().as_millis());
+        };
+        for _ in 0..4 {
+            time("place", &|lamp| lamp.azimuth_deg -= 5.0);
+        }
+        for _ in 0..3 {
+            time("brightness", &|lamp| lamp.irradiance *= 1.1);
+        }
+    }
 }

@@ -1,8 +1,7 @@
 //! Transport of lamps near the hair, which each place sees in directions of its own.
 //!
 //! From every place a few rays go to the lamp, as it covers its solid angle: optical depth by a march through the density
-//! volume, the head's visibility by its triangles, both no farther than the lamp. A ray takes some 0.3 µs of a core, the
-//! head's as much again.
+//! volume, the head's visibility by its triangles, both no farther than the lamp.
 
 use glam::{DVec3, Vec3};
 use obvhs::ray::Ray;
@@ -12,6 +11,13 @@ use super::volume::Volume;
 use super::{Brought, HEAD_BIAS, Places, Reach, STEP_OUT};
 use crate::head::{Head, HeadRays};
 use crate::lamp::{Lamp, Sight};
+
+/// To a strand point that is seen, which lies where hair ends, a march starts this many cells towards the lamp: unlike
+/// sheared sums it has no blur but the cells' own. Single scattering of a blond bob under a sphere near the head is 11.2,
+/// 10.1, 10.3, 13.5 and 18.5 % off the path tracer at 0, ⅛, ¼, ½ and ¾, and 0.97, 1.00, 1.03, 1.10 and 1.16 as bright. Over
+/// all points the mean ΔT̃ is −0.0065, −0.0045, −0.0027, +0.0014 and +0.0055: all else starts at [`STEP_OUT`]
+/// (tests/lamps.rs).
+const SEEN: f32 = 0.125;
 
 /// What stands in the way of a lamp.
 pub struct Between<'a> {
@@ -31,8 +37,8 @@ struct Received {
 }
 
 impl Between<'_> {
-    /// V, and τ up to the lamp, from `p` (world).
-    fn look(&self, p: Vec3, sight: &Sight) -> (f32, f32) {
+    /// V, and τ up to the lamp, from `p` (world) but for the first `start` cells.
+    fn look(&self, p: Vec3, sight: &Sight, start: f32) -> (f32, f32) {
         let omega = sight.direction.as_vec3();
         let distance = sight.distance as f32;
         let open = self.head.is_none_or(|(_, rays)| {
@@ -45,11 +51,13 @@ impl Between<'_> {
         if !open {
             return (0.0, 0.0);
         }
-        let length = distance / self.volume.cell - STEP_OUT;
-        (1.0, self.volume.march(self.volume.to_cells(p) + STEP_OUT * omega, omega, length))
+        let length = distance / self.volume.cell - start;
+        (1.0, self.volume.march(self.volume.to_cells(p) + start * omega, omega, length))
     }
 
-    fn receive(&self, lamp: &Lamp, p: Vec3, normal: Option<Vec3>, beyond: bool) -> Received {
+    /// `seen` at a strand point: whether what lies beyond is asked for. `normal` at a surface.
+    fn receive(&self, lamp: &Lamp, p: Vec3, seen: Option<bool>, normal: Option<Vec3>) -> Received {
+        let start = if seen.is_some() { SEEN } else { STEP_OUT };
         let place = p.as_dvec3();
         let sights = lamp.directions(place);
         let mut received = Received { looks: sights.len() as u64, ..Received::default() };
@@ -63,14 +71,16 @@ impl Between<'_> {
             if cosine <= 0.0 {
                 continue;
             }
-            let (open, tau) = self.look(p, sight);
+            let (open, tau) = self.look(p, sight, start);
             let quarter = (-0.25 * tau).exp();
             reach.open += weight * open;
             reach.quarter += weight * open * quarter;
             reach.direct += weight * open * quarter.powi(4);
             received.irradiance += solid_angle * weight * open * quarter.powi(4) * cosine;
         }
-        if beyond && let Some(away) = away.as_vec3().try_normalize() {
+        if seen == Some(true)
+            && let Some(away) = away.as_vec3().try_normalize()
+        {
             let tau =
                 self.volume.march(self.volume.to_cells(p) - STEP_OUT * away, away, f32::INFINITY);
             reach.beyond = (-0.5 * tau).exp();
@@ -90,11 +100,11 @@ pub fn transport(
     let vertices = head.map_or(&[][..], |head| &head.positions);
     let normals = head.map_or(&[][..], |head| &head.normals);
     let bring = |lamp: &Lamp| {
-        let at = |p: &Vec3, beyond| between.receive(lamp, *p, None, beyond);
-        let of_points: Vec<Received> = to.points.par_iter().map(|p| at(p, to.beyond)).collect();
-        let of_samples: Vec<Received> = to.samples.par_iter().map(|p| at(p, false)).collect();
-        let of_head: Vec<Received> = (vertices.par_iter().zip(normals))
-            .map(|(&p, &normal)| between.receive(lamp, p, Some(normal), false))
+        let at = |p: &Vec3, seen| between.receive(lamp, *p, seen, None);
+        let of_points: Vec<_> = to.points.par_iter().map(|p| at(p, Some(to.beyond))).collect();
+        let of_samples: Vec<_> = to.samples.par_iter().map(|p| at(p, None)).collect();
+        let of_head: Vec<_> = (vertices.par_iter().zip(normals))
+            .map(|(&p, &normal)| between.receive(lamp, p, None, Some(normal)))
             .collect();
         let all = [&of_points, &of_samples, &of_head];
         let brought = Brought {
