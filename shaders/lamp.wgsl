@@ -1,4 +1,4 @@
-// A lamp near the hair as the SRBF that it is from a place. Twin: src/lamp.rs, which states the moments.
+// A lamp near the hair as the SRBF that it is from a place. Twin: src/lamp.rs, which states how.
 
 struct LampLobe {
     direction: vec3f,
@@ -13,7 +13,6 @@ fn lamp_lobe(center: vec3f, size: f32, side: vec3f, p: vec3f) -> LampLobe {
     let sin2 = size * size / max(dot(to, to), 1e-30);
     var solid_angle = TWO_PI * select(sin2 / (1.0 + sqrt(max(1.0 - sin2, 0.0))), 2.0, sin2 >= 1.0);
     var direction = to * inverseSqrt(max(dot(to, to), 1e-30));
-    var spread = solid_angle / (2.0 * TWO_PI);
     // Loops that run once: see resolve.wgsl.
     for (var square = dot(side, side) > 0.0; square; square = false) {
         let normal = normalize(center);
@@ -23,16 +22,10 @@ fn lamp_lobe(center: vec3f, size: f32, side: vec3f, p: vec3f) -> LampLobe {
         solid_angle = lamp_triangle(to - x - y, to + x - y, to + x + y, triple)
             + lamp_triangle(to - x - y, to + x + y, to - x + y, triple);
         let g = inverseSqrt(3.0);
-        let a = lamp_node(to - g * (x + y));
-        let b = lamp_node(to + g * (x - y));
-        let c = lamp_node(to + g * (x + y));
-        let d = lamp_node(to - g * (x - y));
-        direction = normalize(a.w * a.xyz + b.w * b.xyz + c.w * c.xyz + d.w * d.xyz);
-        let apart = a.w * lamp_apart(a, direction) + b.w * lamp_apart(b, direction) + c.w * lamp_apart(c, direction)
-            + d.w * lamp_apart(d, direction);
-        spread = 0.5 * apart / (a.w + b.w + c.w + d.w);
+        direction = normalize(lamp_node(to - g * (x + y)) + lamp_node(to + g * (x - y)) + lamp_node(to + g * (x + y))
+            + lamp_node(to - g * (x - y)));
     }
-    return LampLobe(direction, lamp_bandwidth(spread), solid_angle);
+    return LampLobe(direction, lamp_bandwidth(solid_angle / (2.0 * TWO_PI)), solid_angle);
 }
 
 fn lamp_triangle(a: vec3f, b: vec3f, c: vec3f, triple: f32) -> f32 {
@@ -42,17 +35,13 @@ fn lamp_triangle(a: vec3f, b: vec3f, c: vec3f, triple: f32) -> f32 {
     return 2.0 * atan2_accurate(triple, la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb);
 }
 
-// Direction of a node, and its weight.
-fn lamp_node(to: vec3f) -> vec4f {
-    let inverse = inverseSqrt(max(dot(to, to), 1e-30));
-    return vec4f(to * inverse, inverse * inverse * inverse);
+// The direction of a node, weighted by the solid angle about it.
+fn lamp_node(to: vec3f) -> vec3f {
+    let inverse2 = 1.0 / max(dot(to, to), 1e-30);
+    return to * (inverse2 * inverse2);
 }
 
-fn lamp_apart(node: vec4f, direction: vec3f) -> f32 {
-    let apart = node.xyz - direction;
-    return dot(apart, apart);
-}
-
+// Of the mean cosine 1 − spread.
 fn lamp_bandwidth(spread: f32) -> f32 {
     let s = max(spread, 1e-9);
     let t = exp(-2.0 / s);

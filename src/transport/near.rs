@@ -12,11 +12,11 @@ use super::{Brought, HEAD_BIAS, Places, Reach, STEP_OUT};
 use crate::head::{Head, HeadRays};
 use crate::lamp::{Lamp, Sight};
 
-/// To a strand point that is seen, which lies where hair ends, a march starts this many cells towards the lamp: unlike
+/// To what is seen, which lies where hair ends, a march starts this many cells towards the lamp: unlike
 /// sheared sums it has no blur but the cells' own. Single scattering of a blond bob under a sphere near the head is 11.2,
 /// 10.1, 10.3, 13.5 and 18.5 % off the path tracer at 0, ⅛, ¼, ½ and ¾, and 0.97, 1.00, 1.03, 1.10 and 1.16 as bright. Over
-/// all points the mean ΔT̃ is −0.0065, −0.0045, −0.0027, +0.0014 and +0.0055: all else starts at [`STEP_OUT`]
-/// (tests/lamps.rs).
+/// all points the mean ΔT̃ is −0.0065, −0.0045, −0.0027, +0.0014 and +0.0055: the grid's samples, which stand for all, start
+/// at [`STEP_OUT`] (tests/lamps.rs).
 const SEEN: f32 = 0.125;
 
 /// What stands in the way of a lamp.
@@ -55,9 +55,15 @@ impl Between<'_> {
         (1.0, self.volume.march(self.volume.to_cells(p) + start * omega, omega, length))
     }
 
-    /// `seen` at a strand point: whether what lies beyond is asked for. `normal` at a surface.
-    fn receive(&self, lamp: &Lamp, p: Vec3, seen: Option<bool>, normal: Option<Vec3>) -> Received {
-        let start = if seen.is_some() { SEEN } else { STEP_OUT };
+    /// At `p`, and at a surface across `normal` if there is one.
+    fn receive(
+        &self,
+        lamp: &Lamp,
+        p: Vec3,
+        normal: Option<Vec3>,
+        start: f32,
+        beyond: bool,
+    ) -> Received {
         let place = p.as_dvec3();
         let sights = lamp.directions(place);
         let mut received = Received { looks: sights.len() as u64, ..Received::default() };
@@ -78,9 +84,7 @@ impl Between<'_> {
             reach.direct += weight * open * quarter.powi(4);
             received.irradiance += solid_angle * weight * open * quarter.powi(4) * cosine;
         }
-        if seen == Some(true)
-            && let Some(away) = away.as_vec3().try_normalize()
-        {
+        if beyond && let Some(away) = away.as_vec3().try_normalize() {
             let tau =
                 self.volume.march(self.volume.to_cells(p) - STEP_OUT * away, away, f32::INFINITY);
             reach.beyond = (-0.5 * tau).exp();
@@ -100,11 +104,11 @@ pub fn transport(
     let vertices = head.map_or(&[][..], |head| &head.positions);
     let normals = head.map_or(&[][..], |head| &head.normals);
     let bring = |lamp: &Lamp| {
-        let at = |p: &Vec3, seen| between.receive(lamp, *p, seen, None);
-        let of_points: Vec<_> = to.points.par_iter().map(|p| at(p, Some(to.beyond))).collect();
-        let of_samples: Vec<_> = to.samples.par_iter().map(|p| at(p, None)).collect();
+        let at = |p: &Vec3, start, beyond| between.receive(lamp, *p, None, start, beyond);
+        let of_points: Vec<_> = to.points.par_iter().map(|p| at(p, SEEN, to.beyond)).collect();
+        let of_samples: Vec<_> = to.samples.par_iter().map(|p| at(p, STEP_OUT, false)).collect();
         let of_head: Vec<_> = (vertices.par_iter().zip(normals))
-            .map(|(&p, &normal)| between.receive(lamp, p, None, Some(normal)))
+            .map(|(&p, &normal)| between.receive(lamp, p, Some(normal), SEEN, false))
             .collect();
         let all = [&of_points, &of_samples, &of_head];
         let brought = Brought {
