@@ -8,13 +8,17 @@
 //
 // and nothing else is called from here.
 
+// Whether the first lights are lamps near the hair: set when the pipeline is made.
+override LAMPS: bool = true;
+
+// Of a lamp: its centre, its size, its radiance; least for E_j = 1; and `side` as lamp_lobe has it.
 struct Light {
     direction: vec3f,
     lambda: f32,
     rgb: vec3f,
     energy: f32,        // E_j = ∫G_j dω
     least: f32,         // radiance that must arrive for the light to matter
-    pad: array<f32, 3>,
+    side: array<f32, 3>,
 }
 
 struct Shading {
@@ -28,6 +32,7 @@ struct Shading {
     field_cell: f32,
     field_dims: vec3f,
     field_scale: f32,
+    lamps: u32,
 }
 
 struct NeededPoints {
@@ -81,7 +86,12 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     var total = vec3f(0.0);
     for (var j = 0u; j < shading.lights; j++) {
         let index = shading.first_light + j;
-        let light = lights[index];
+        var light = lights[index];
+        if LAMPS {
+            for (var near = index < shading.lamps; near; near = false) {
+                light = lamp_from(light, position);
+            }
+        }
         let bits = reach[j * shading.slots + slot];
         let direct = square(f32(bits & 1023u) / 1023.0);
         let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
@@ -123,6 +133,15 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         shown += radiance[point];
     }
     radiance[point] = shown;
+}
+
+// A lamp as the light that it is from a place.
+fn lamp_from(lamp: Light, position: vec3f) -> Light {
+    let side = vec3f(lamp.side[0], lamp.side[1], lamp.side[2]);
+    let lobe = lamp_lobe(lamp.direction, lamp.lambda, side, position);
+    let energy = srbf_integral(lobe.lambda);
+    let rgb = lamp.rgb * (lobe.solid_angle / energy);
+    return Light(lobe.direction, lobe.lambda, rgb, energy, lamp.least / energy, lamp.side);
 }
 
 fn fibre_of(point: u32) -> Fibre {

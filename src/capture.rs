@@ -9,7 +9,7 @@ use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
 use crate::image::write_frame;
-use crate::light::Medium;
+use crate::light::{Lights, Medium};
 use crate::paint::Paint;
 use crate::progress::{Clock, Reporting};
 use crate::quality::{self, Costs, Facts, Settings, TRIAL_LIGHTS};
@@ -103,13 +103,14 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let points = renderer.visible_points(&lenses, pieces, settings.samples)?;
     clock.step("visibility")?;
 
-    let lights = shaded_lights(&fit.lights, scene);
+    let lights =
+        Lights { lamps: stage.near_lamps(scene), distant: shaded_lights(&fit.lights, scene) };
     let detail = Detail { cells: settings.cells, multiple: parts.multiple() };
     renderer.negligible = settings.negligible;
     let medium = Medium::new(&stage, &detail);
     let lit = clock
         .watch("light transport", |progress| medium.bring(&stage, lights, &points, progress))?;
-    let lights = &lit.lights;
+    let lights = lit.lobes(&stage);
     clock.step("transport")?;
     let field =
         clock.watch("scattered light", |progress| lit.field(&stage, &medium, &method, progress))?;
@@ -149,8 +150,10 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
     let delta_t = options.verify.then(|| {
-        let reach: Vec<&[u32]> = lit.brought.iter().map(|brought| &brought.reach[..]).collect();
-        RealStrands::new(&stage).delta_t(&points, lights, &reach, VERIFIED_PAIRS)
+        // Rays go along lobes, which a lamp near the hair has not one of.
+        let distant = lit.brought.iter().skip(lit.lamps.len());
+        let reach: Vec<&[u32]> = distant.map(|brought| &brought.reach[..]).collect();
+        RealStrands::new(&stage).delta_t(&points, &lit.lights, &reach, VERIFIED_PAIRS)
     });
     if let Some(delta) = delta_t {
         clock.note(&format!(
@@ -170,7 +173,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         Some(lens) => renderer.count(lens, settings.samples, parts)?,
         None => Done::default(),
     };
-    let facts = facts(lights);
+    let facts = facts(&lights);
     let mut passes = clock.steps.clone();
     let Frame { passes: timed, shaded, .. } = frame;
     if timed.is_empty() {
@@ -209,6 +212,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         },
         work: Work {
             lights: lights.len(),
+            lamps: stage.lamps(scene).len(),
             points_shaded: done.points,
             pairs_asked: done.points * lights.len() as u64,
             pairs_lit: done.pairs,

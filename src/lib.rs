@@ -13,6 +13,7 @@ pub mod gpu;
 pub mod hair;
 pub mod head;
 pub mod image;
+pub mod lamp;
 pub mod light;
 pub mod live;
 pub mod measure;

@@ -1,6 +1,6 @@
 //! Light in hair: lights brought through strands, and light between them; what frames are shaded with.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use anyhow::{Result, bail};
 use glam::Vec3;
@@ -9,19 +9,38 @@ use rayon::prelude::*;
 use crate::field::{self, Field, Grid, Palette};
 use crate::gpu::frame::Renderer;
 use crate::gpu::method::MethodData;
+use crate::head::HeadRays;
+use crate::lamp::Lamp;
 use crate::srbf::SrbfLight;
 use crate::stage::{Geometry, HEAD_ALBEDO};
 use crate::transport::volume::Volume;
-use crate::transport::{Brought, Detail, Occluders, Places, Reach, transport};
+use crate::transport::{Brought, Detail, Occluders, Places, Reach, near, transport};
 
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
+
+/// What hair is lit by, world frame, exposure included.
+#[derive(Clone, Default)]
+pub struct Lights {
+    /// Those of which each place sees another lobe.
+    pub lamps: Vec<Lamp>,
+    /// Of which the last are the ordinates (`stage::shaded_lights`).
+    pub distant: Vec<SrbfLight>,
+}
+
+impl From<Vec<SrbfLight>> for Lights {
+    fn from(distant: Vec<SrbfLight>) -> Lights {
+        Lights { distant, ..Lights::default() }
+    }
+}
 
 /// Hair as light finds it: of geometry alone.
 pub struct Medium {
     volume: Volume,
     /// None without multiple scattering.
     grid: Option<Arc<Grid>>,
+    /// Made for the first lamp.
+    head: OnceLock<Option<HeadRays>>,
 }
 
 impl Medium {
@@ -29,23 +48,23 @@ impl Medium {
         let volume = stage.density(detail.cells);
         let occluders = Occluders { volume: &volume, head: stage.head.as_ref() };
         let grid = detail.multiple.then(|| Arc::new(Grid::new(stage, &occluders, field::CELLS)));
-        Medium { volume, grid }
+        Medium { volume, grid, head: OnceLock::new() }
     }
 
     /// The same with another number of cells of the density volume.
     pub fn with_cells(&self, stage: &Geometry, cells: usize) -> Medium {
-        Medium { volume: stage.density(cells), grid: self.grid.clone() }
+        let (volume, grid) = (stage.density(cells), self.grid.clone());
+        Medium { volume, grid, head: OnceLock::new() }
     }
 
-    /// Brings lights (`stage::shaded_lights`) to the strand points `points`, to the grid of multiple scattering and to
-    /// the head.
+    /// Brings lights to the strand points `points`, to the grid of multiple scattering and to the head.
     ///
     /// # Errors
     /// `progress` cancelled it.
     pub fn bring(
         &self,
         stage: &Geometry,
-        lights: Vec<SrbfLight>,
+        lights: impl Into<Lights>,
         points: &[u32],
         progress: Progress,
     ) -> Result<LitHair> {
@@ -54,8 +73,8 @@ impl Medium {
         Ok(lit)
     }
 
-    /// Puts other lights in place of those of `lit`, at the same points. Lobes that stay where they are, such as the
-    /// ordinates, are not brought again, whatever their colour.
+    /// Puts other lights in place of those of `lit`, at the same points. Lobes and lamps that stay where they are, such
+    /// as the ordinates, are not brought again, whatever their colour.
     ///
     /// # Errors
     /// `progress` cancelled it, and `lit` is as it was.
@@ -63,31 +82,28 @@ impl Medium {
         &self,
         stage: &Geometry,
         lit: &mut LitHair,
-        lights: Vec<SrbfLight>,
+        lights: impl Into<Lights>,
         progress: Progress,
     ) -> Result<()> {
+        let Lights { lamps, distant: lights } = lights.into();
         let dark = |light: &SrbfLight| light.rgb == [0.0; 3];
         let lobe = |light: &SrbfLight| (light.direction, light.lambda, dark(light));
-        let mut free = vec![true; lit.lights.len()];
-        let known: Vec<Option<usize>> = (lights.iter())
-            .map(|light| {
-                let same = |&at: &usize| free[at] && lobe(&lit.lights[at]) == lobe(light);
-                let known = (0..lit.lights.len()).find(same);
-                known.inspect(|&at| free[at] = false)
-            })
-            .collect();
-        let pairs = lights.iter().zip(&known);
-        let new: Vec<SrbfLight> =
-            pairs.filter(|(_, known)| known.is_none()).map(|(light, _)| *light).collect();
+        let known_lamps = known(&lit.lamps, &lamps, |a, b| a.shape == b.shape);
+        let known_lights = known(&lit.lights, &lights, |a, b| lobe(a) == lobe(b));
+        let new_lamps = new(&lamps, &known_lamps);
+        let new_lights = new(&lights, &known_lights);
         let to = Places {
             samples: self.grid.as_ref().map_or(&[][..], |grid| &grid.samples),
             head: true,
             ..Places::default()
         };
-        let mut new = self.transport(stage, &new, &lit.points, to, progress)?.into_iter();
+        let brought = self.transport(stage, &new_lamps, &new_lights, &lit.points, to, progress)?;
+        let mut new = brought.into_iter();
         let rough = std::mem::take(&mut lit.rough).into_iter().chain(std::iter::repeat(Vec::new()));
         let mut old: Vec<_> = std::mem::take(&mut lit.brought).into_iter().zip(rough).collect();
-        for known in known {
+        let after = lit.lamps.len();
+        let known_lights = known_lights.into_iter().map(|known| known.map(|at| after + at));
+        for known in known_lamps.into_iter().chain(known_lights) {
             let (brought, rough) = match known {
                 Some(at) => std::mem::take(&mut old[at]),
                 None => (new.next().unwrap_or_default(), Vec::new()),
@@ -95,7 +111,7 @@ impl Medium {
             lit.brought.push(brought);
             lit.rough.push(rough);
         }
-        lit.lights = lights;
+        (lit.lamps, lit.lights) = (lamps, lights);
         Ok(())
     }
 
@@ -110,7 +126,8 @@ impl Medium {
         points: &[u32],
         progress: Progress,
     ) -> Result<()> {
-        let more = self.transport(stage, &lit.lights, points, Places::default(), progress)?;
+        let LitHair { lamps, lights, .. } = &*lit;
+        let more = self.transport(stage, lamps, lights, points, Places::default(), progress)?;
         for (all, more) in lit.brought.iter_mut().zip(more) {
             all.reach.extend(more.reach);
             all.looks += more.looks;
@@ -122,6 +139,7 @@ impl Medium {
     fn transport(
         &self,
         stage: &Geometry,
+        lamps: &[Lamp],
         lights: &[SrbfLight],
         points: &[u32],
         to: Places,
@@ -130,8 +148,21 @@ impl Medium {
         let occluders = Occluders { volume: &self.volume, head: stage.head.as_ref() };
         let points: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
         let to = Places { points: &points, beyond: self.grid.is_some(), ..to };
-        let transport = transport(&occluders, lights, &to, progress);
-        transport.map_or_else(|| bail!("cancelled"), Ok)
+        let of_lamps = match lamps {
+            [] => Some(Vec::new()),
+            lamps => {
+                let head = stage.head.as_ref();
+                let rays = || head.map(|head| HeadRays::new(head, stage.center));
+                let head = head.zip(self.head.get_or_init(rays).as_ref());
+                let between = near::Between { volume: &self.volume, head, center: stage.center };
+                near::transport(&between, lamps, &to, &|| progress(0.0))
+            }
+        };
+        let all =
+            of_lamps.and_then(|lamps| Some((lamps, transport(&occluders, lights, &to, progress)?)));
+        let Some((mut all, of_lights)) = all else { bail!("cancelled") };
+        all.extend(of_lights);
+        Ok(all)
     }
 
     /// Finds [`LitHair::rough`] at `points`, the same at each call: for frames in a hurry, of `fast`, which knows T̃ alone.
@@ -171,12 +202,30 @@ impl Medium {
     }
 }
 
+/// Where each of `wanted` is among `there`, each place taken once.
+fn known<T>(there: &[T], wanted: &[T], same: impl Fn(&T, &T) -> bool) -> Vec<Option<usize>> {
+    let mut free = vec![true; there.len()];
+    let place = |one: &T| {
+        let known = (0..there.len()).find(|&at| free[at] && same(&there[at], one));
+        known.inspect(|&at| free[at] = false)
+    };
+    wanted.iter().map(place).collect()
+}
+
+/// Those that are not known.
+fn new<T: Copy>(wanted: &[T], known: &[Option<usize>]) -> Vec<T> {
+    let pairs = wanted.iter().zip(known);
+    pairs.filter(|(_, known)| known.is_none()).map(|(&one, _)| one).collect()
+}
+
 /// Lights, and what is known of their way through hair, whatever its colour.
 #[derive(Clone, Default)]
 pub struct LitHair {
+    /// See [`Lights`].
+    pub lamps: Vec<Lamp>,
     pub lights: Vec<SrbfLight>,
     pub points: Vec<u32>,
-    /// Of each light, to `points`.
+    /// Of each lamp, then of each light, to `points`.
     pub brought: Vec<Brought>,
     /// Packed reach of each light at other points, as it is in cells of 1/32 of the hair's size; empty before
     /// [`Medium::roughen`].
@@ -203,12 +252,21 @@ impl LitHair {
         });
     }
 
+    /// All lights as they are from the middle of the hair.
+    pub fn lobes(&self, stage: &Geometry) -> Vec<SrbfLight> {
+        let middle = stage.center.as_dvec3();
+        let lamps = self.lamps.iter().map(|lamp| lamp.lobe(middle));
+        lamps.chain(self.lights.iter().copied()).collect()
+    }
+
     /// Irradiance at the vertices of the head, linear RGB; empty without one.
     pub fn head_irradiance(&self) -> Vec<Vec3> {
         let vertices = self.brought.iter().map(|brought| brought.head.len()).max().unwrap_or(0);
         let mut sums = vec![Vec3::ZERO; vertices];
-        for (light, brought) in self.lights.iter().zip(&self.brought) {
-            let rgb = Vec3::from(light.rgb.map(|c| c as f32));
+        let lamps = self.lamps.iter().map(|lamp| lamp.radiance);
+        let radiances = lamps.chain(self.lights.iter().map(|light| light.rgb));
+        for (radiance, brought) in radiances.zip(&self.brought) {
+            let rgb = Vec3::from(radiance.map(|c| c as f32));
             sums.iter_mut().zip(&brought.head).for_each(|(sum, &e)| *sum += e * rgb);
         }
         sums
@@ -229,8 +287,8 @@ impl LitHair {
         let palette = Palette::new(grid, stage, &twin);
         let vertices = stage.head.as_ref().map_or(&[][..], |head| &head.positions);
         let head: Vec<_> = vertices.iter().copied().zip(self.head_irradiance()).collect();
-        let field =
-            field::solve(grid, &self.lights, &self.brought, &head, &palette, &twin, progress);
+        let lit = field::Lit { lamps: &self.lamps, lights: &self.lights, brought: &self.brought };
+        let field = field::solve(grid, &lit, &head, &palette, &twin, progress);
         if field.is_none() {
             bail!("cancelled");
         }
@@ -290,7 +348,7 @@ impl LitHair {
     }
 
     fn show_at(&self, renderer: &mut Renderer, points: &[u32], reach: Vec<&[u32]>) {
-        renderer.set_lights(&self.lights, points, &reach);
+        renderer.set_lights(&self.lamps, &self.lights, points, &reach);
         let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
         let head: Vec<Vec3> = self.head_irradiance().iter().map(|e| *e * to_radiance).collect();
         renderer.set_head_radiance(&head);

@@ -5,13 +5,14 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use glam::{DMat3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use crate::environment;
 use crate::hair::groom::GroomOptions;
 use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
 use crate::head::{self, Head};
 use crate::image::luminance;
+use crate::lamp::Lamp;
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::progress::Clock;
 use crate::scene::{Camera, Lens, Scene};
@@ -162,6 +163,16 @@ impl Geometry {
         })
     }
 
+    /// All lamps of a scene, in the world.
+    pub fn lamps(&self, scene: &Scene) -> Vec<Lamp> {
+        Lamp::all(scene, self.center, self.radius).collect()
+    }
+
+    /// Those near the hair: suns are among [`shaded_lights`].
+    pub fn near_lamps(&self, scene: &Scene) -> Vec<Lamp> {
+        self.lamps(scene).into_iter().filter(Lamp::is_near).collect()
+    }
+
     /// Straight pieces that each segment is drawn in for this view.
     pub fn pieces(&self, lens: &Lens) -> u32 {
         let eye = lens.eye + self.center.as_dvec3();
@@ -216,9 +227,15 @@ pub fn place_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
     lit.map(|light| place_light(light, scene)).collect()
 }
 
-/// [`place_lights`] as frames shade them: wide ones split.
+/// [`place_lights`] as frames shade them: suns first, then the fit's, wide ones split.
 pub fn shaded_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
-    split_wide(&place_lights(lights, scene))
+    [suns(scene), split_wide(&place_lights(lights, scene))].concat()
+}
+
+/// The scene's suns, which are lights like the fit's.
+pub fn suns(scene: &Scene) -> Vec<SrbfLight> {
+    let lamps = Lamp::all(scene, Vec3::ZERO, 1.0).filter(|lamp| !lamp.is_near());
+    lamps.map(|sun| sun.lobe(DVec3::ZERO)).collect()
 }
 
 /// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings the luminance of the map's

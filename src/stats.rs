@@ -89,8 +89,9 @@ pub struct Quality {
 /// What the last frame took, in numbers that repeat exactly.
 #[derive(Debug, Serialize)]
 pub struct Work {
-    /// That are shaded: wide ones are split.
+    /// That are shaded: wide ones are split. And those of them that are placed by hand.
     pub lights: usize,
+    pub lamps: usize,
     pub points_shaded: u64,
     /// Points times lights, and those pairs that matter.
     pub pairs_asked: u64,

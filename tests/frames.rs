@@ -241,7 +241,8 @@ const FIGURES: &str = "\
     quality.samples C, quality.skipping N, quality.total N, quality.transmittance N, \
     quality.width_px N, timing.frame_ms N, timing.passes *, timing.setup_ms N, timing.total_ms N, \
     transport.mean_abs_delta_t 0, transport.mean_delta_t 0, \
-    work.bytes C, work.field_rounds C, work.global_evaluations C, work.head_vertices C, work.lights C, work.lobes C, \
+    work.bytes C, work.field_rounds C, work.global_evaluations C, work.head_vertices C, work.lamps C, \
+    work.lights C, work.lobes C, \
     work.pairs_asked C, work.pairs_lit C, work.points_shaded C, work.single_evaluations C, \
     work.transport_looks C";
 

@@ -19,20 +19,20 @@ use tempfile::tempdir;
 use crate::editor::{Window, apart, drag, editor, key, look, picture, seen, small, window_of};
 
 /// A session that remembers no fits.
-fn session() -> Session {
+pub fn session() -> Session {
     let mut session = Session::default();
     session.cache = None;
     session
 }
 
 /// What a session says of a wish.
-fn see(session: &mut Session, wish: &Wish) -> Vec<Said> {
+pub fn see(session: &mut Session, wish: &Wish) -> Vec<Said> {
     let said = Mutex::new(Vec::new());
     session.see(wish, &|| true, &|what| said.lock().unwrap().push(what)).unwrap();
     said.into_inner().unwrap()
 }
 
-fn pictures(said: &[Said]) -> Vec<&Picture> {
+pub fn pictures(said: &[Said]) -> Vec<&Picture> {
     let shown = said.iter().filter_map(|said| match said {
         Said::Picture(picture) => Some(picture),
         _ => None,

@@ -17,6 +17,7 @@ mod frames;
 mod groom;
 mod hair;
 mod hard_cases;
+mod lamps;
 mod light;
 mod live;
 mod measure;

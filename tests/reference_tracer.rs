@@ -21,7 +21,7 @@ use hairlight::scene::{FibreSpec, Lens};
 use hairlight::srbf::SrbfLight;
 
 /// Reflects as a mirror would at h, blurred by exp(κ cos) over the sphere: `albedo` leaves, whatever ω_o and h.
-struct BlurredMirror {
+pub(super) struct BlurredMirror {
     kappa: f64,
     albedo: f64,
     near_field: bool,
@@ -29,7 +29,7 @@ struct BlurredMirror {
     bad_above: f64,
 }
 
-const MIRROR: BlurredMirror =
+pub(super) const MIRROR: BlurredMirror =
     BlurredMirror { kappa: 2.0, albedo: 1.0, near_field: true, bad_above: 2.0 };
 
 impl BlurredMirror {
@@ -79,7 +79,7 @@ impl FibreModel for BlurredMirror {
     }
 }
 
-fn uniform_map(rgb: [f32; 3]) -> Environment {
+pub(super) fn uniform_map(rgb: [f32; 3]) -> Environment {
     Environment { width: 4, height: 2, pixels: vec![rgb; 8] }
 }
 
@@ -97,7 +97,7 @@ fn sunny_map() -> Environment {
     Environment { width, height, pixels }
 }
 
-fn hair_of(strands: &[Vec<Vec3>]) -> Hair {
+pub(super) fn hair_of(strands: &[Vec<Vec3>]) -> Hair {
     let mut hair = Hair { offsets: vec![0], ..Hair::default() };
     for strand in strands {
         hair.points.extend(strand);
@@ -107,7 +107,7 @@ fn hair_of(strands: &[Vec<Vec3>]) -> Hair {
 }
 
 /// Looks from `eye` to the origin, with y up; `half` is the image's half side at the origin.
-fn lens(eye: DVec3, half: f64) -> Lens {
+pub(super) fn lens(eye: DVec3, half: f64) -> Lens {
     let (distance, forward) = (eye.length(), -eye.normalize());
     let right = forward.cross(DVec3::Y).normalize();
     let side = half / distance;
@@ -116,7 +116,7 @@ fn lens(eye: DVec3, half: f64) -> Lens {
 }
 
 /// Crossed fibres within the unit ball, close enough that a path meets several.
-fn tuft() -> Hair {
+pub(super) fn tuft() -> Hair {
     let strands: Vec<Vec<Vec3>> = (0..300)
         .map(|i| {
             let t = i as f32;
@@ -131,39 +131,43 @@ fn tuft() -> Hair {
     hair_of(&strands)
 }
 
-struct Stage {
+pub(super) struct Stage {
     hair: Hair,
     frames: Frames,
     diameters: Vec<f32>,
 }
 
 impl Stage {
-    fn new(hair: Hair, diameter: f32) -> Self {
+    pub(super) fn new(hair: Hair, diameter: f32) -> Self {
         let frames = Frames::new(&hair);
         let diameters = vec![diameter; hair.points.len()];
         Self { hair, frames, diameters }
     }
 
-    fn strands(&self, parts: u32) -> Strands<'_> {
+    pub(super) fn strands(&self, parts: u32) -> Strands<'_> {
         Strands::new(&self.hair, &self.diameters, &self.frames, parts, Vec3::ZERO)
     }
 }
 
 /// A small render of strands alone.
 #[derive(Clone, Copy)]
-struct Shot<'a> {
-    strands: &'a Strands<'a>,
-    light: &'a Light<'a>,
-    models: &'a Models<'a>,
-    lens: Lens,
-    size: [u32; 2],
-    sampling: Sampling,
-    max_depth: u32,
-    seed: u32,
+pub(super) struct Shot<'a> {
+    pub(super) strands: &'a Strands<'a>,
+    pub(super) light: &'a Light<'a>,
+    pub(super) models: &'a Models<'a>,
+    pub(super) lens: Lens,
+    pub(super) size: [u32; 2],
+    pub(super) sampling: Sampling,
+    pub(super) max_depth: u32,
+    pub(super) seed: u32,
 }
 
 impl<'a> Shot<'a> {
-    fn new(strands: &'a Strands<'a>, light: &'a Light<'a>, models: &'a Models<'a>) -> Self {
+    pub(super) fn new(
+        strands: &'a Strands<'a>,
+        light: &'a Light<'a>,
+        models: &'a Models<'a>,
+    ) -> Self {
         Shot {
             strands,
             light,
@@ -176,7 +180,7 @@ impl<'a> Shot<'a> {
         }
     }
 
-    fn scene(&self) -> TraceScene<'a> {
+    pub(super) fn scene(&self) -> TraceScene<'a> {
         TraceScene {
             strands: self.strands,
             skin: None,
@@ -189,7 +193,7 @@ impl<'a> Shot<'a> {
         }
     }
 
-    fn render(&self, samples: u32) -> Film {
+    pub(super) fn render(&self, samples: u32) -> Film {
         let mut film = Film::new(self.size);
         assert!(trace(&self.scene(), &mut film, samples, &|_| true).unwrap());
         film
@@ -197,7 +201,7 @@ impl<'a> Shot<'a> {
 }
 
 /// Sum of a channel over the pixels that `keep` holds for, and its variance.
-fn total(film: &Film, channel: usize, keep: impl Fn(usize) -> bool) -> (f64, f64) {
+pub(super) fn total(film: &Film, channel: usize, keep: impl Fn(usize) -> bool) -> (f64, f64) {
     let pixels = (0..film.pixels.len()).filter(|&i| keep(i));
     pixels.fold((0.0, 0.0), |(sum, variance), i| {
         (sum + film.mean(i)[channel], variance + film.variance(i)[channel])
@@ -210,7 +214,7 @@ fn covered(film: &Film) -> f64 {
 }
 
 /// The difference of two estimates in standard deviations.
-fn z_score(a: (f64, f64), b: (f64, f64)) -> f64 {
+pub(super) fn z_score(a: (f64, f64), b: (f64, f64)) -> f64 {
     (a.0 - b.0) / (a.1 + b.1).sqrt()
 }
 

@@ -401,7 +401,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
     for method in [Integrator::Fast(Model::Marschner), Integrator::Xu] {
         validated(&Shaders::default().with_exact_single(&Shaders::default().shade(method)));
     }
-    same!(shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, pad]);
+    same!(shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, side]);
     same!(
         shade(),
         "Shading",
@@ -416,7 +416,8 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             field_origin,
             field_cell,
             field_dims,
-            field_scale
+            field_scale,
+            lamps
         ]
     );
     for (shader, name) in [(Shaders::default().mark(), "Needed"), (shade(), "NeededPoints")] {

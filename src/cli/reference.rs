@@ -39,7 +39,8 @@ pub fn command() -> Command {
                 ),
         )
         .arg(
-            choice("lighting", &["map", "srbf"]).help("The map itself, or the lights fitted to it"),
+            choice("lighting", &["map", "srbf"])
+                .help("The map itself, or the lights fitted to it; lamps are exact either way"),
         )
         .arg(
             choice("sampling", &["both", "light", "fibre"])

@@ -57,7 +57,7 @@ const SHORTCUTS: [(&str, &str); 21] = [
     ("I", "Eyedropper: take the value under the pointer"),
     ("X", "Brush: set, or erase"),
     ("R", "The path-traced truth beside the frame; drag the line between them"),
-    ("Drag over the map", "Turn the light"),
+    ("Drag over the map", "Turn the light; a lamp, by its ring: place it"),
     ("T", "Turntable"),
     ("Ctrl + Z, Ctrl + Shift + Z", "Undo, redo"),
     ("Ctrl + O", "Open a scene, hair, head or map"),

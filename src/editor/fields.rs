@@ -84,6 +84,8 @@ fn name(field: &Field) -> String {
         "environment.source" => "map".to_owned(),
         "environment.exposure" => "light exposure".to_owned(),
         "camera.fov_deg" => "field of view".to_owned(),
+        // There are four of each.
+        key if key.starts_with("lamp") => format!("{} {name}", field.group()),
         _ => name,
     }
 }

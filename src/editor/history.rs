@@ -25,8 +25,11 @@ impl Step {
             Step::Stroke { label, .. } => label.clone(),
             Step::Scene { before, after } => {
                 let differs = |f: &&crate::scene::Field| f.get(before) != f.get(after);
-                let mut names: Vec<String> =
-                    FIELDS.iter().filter(differs).map(|f| f.name().replace('_', " ")).collect();
+                let name = |f: &crate::scene::Field| match f.group().starts_with("lamp") {
+                    true => f.key.replace(['.', '_'], " "),
+                    false => f.name().replace('_', " "),
+                };
+                let mut names: Vec<String> = FIELDS.iter().filter(differs).map(name).collect();
                 if names.len() > 3 {
                     let more = names.len() - 2;
                     names.truncate(2);

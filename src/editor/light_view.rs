@@ -10,10 +10,11 @@ use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Stroke, Ui,
 use glam::DVec3;
 
 use super::{fields, viewport};
-use crate::environment::{Environment, direction_to_uv};
+use crate::environment::{Environment, direction_to_uv, uv_to_direction};
 use crate::image::{display_bytes, luminance};
+use crate::lamp::{Lamp, Shape};
 use crate::live::Light;
-use crate::scene::Scene;
+use crate::scene::{LampSpec, Scene};
 use crate::srbf::SrbfLight;
 use crate::stage::{exposure_scale, place_light};
 
@@ -21,6 +22,8 @@ use crate::stage::{exposure_scale, place_light};
 const STEPS: usize = 96;
 /// Points of the screen from which a light is hit.
 const NEAR: f32 = 7.0;
+/// A lamp's ring at least, radians.
+const LEAST_RING: f64 = 0.05;
 /// Where the lights, and where the map is the brighter, linear RGB.
 const MORE: [f32; 3] = [1.0, 0.42, 0.05];
 const LESS: [f32; 3] = [0.08, 0.38, 1.0];
@@ -32,7 +35,7 @@ enum Showing {
     Difference,
 }
 
-/// A light on the unturned map, u and v as fractions of its width and height.
+/// A light on a map that is not turned, u and v as fractions of its width and height.
 struct Ring {
     centre: [f64; 2],
     outline: Vec<[f64; 2]>,
@@ -44,6 +47,10 @@ pub struct LightView {
     showing: Showing,
     show_rings: bool,
     chosen: Option<usize>,
+    /// The lamp that is dragged, of the scene's.
+    dragged: Option<usize>,
+    /// The lamp whose fields are shown.
+    pub lamp: Option<usize>,
     /// Of what is shown, at which exposure.
     texture: Option<(Showing, f32, egui::TextureHandle)>,
 }
@@ -56,6 +63,8 @@ impl Default for LightView {
             showing: Showing::Map,
             show_rings: true,
             chosen: None,
+            dragged: None,
+            lamp: None,
             texture: None,
         }
     }
@@ -65,18 +74,44 @@ impl Default for LightView {
 /// fractions of width and height. u goes on beyond 0 and 1 where the curve crosses the seam, and ends a whole turn from
 /// where it began where the curve goes round a pole. Empty for a light that falls to no half.
 pub fn outline(light: &SrbfLight) -> Vec<[f64; 2]> {
-    let Some(angle) = light.half_angle() else { return Vec::new() };
-    let (across, along) = light.direction.any_orthonormal_pair();
-    let mut last = direction_to_uv(light.direction)[0];
+    light.half_angle().map_or(Vec::new(), |angle| circle(light.direction, angle))
+}
+
+/// A ring of an angular radius about a direction, in the same way.
+fn circle(direction: DVec3, angle: f64) -> Vec<[f64; 2]> {
+    let (across, along) = direction.any_orthonormal_pair();
+    let mut last = direction_to_uv(direction)[0];
     (0..=STEPS)
         .map(|k| {
             let (sin, cos) = (TAU * k as f64 / STEPS as f64).sin_cos();
             let aside = cos * across + sin * along;
-            let [u, v] = direction_to_uv(angle.cos() * light.direction + angle.sin() * aside);
+            let [u, v] = direction_to_uv(angle.cos() * direction + angle.sin() * aside);
             last = u + (last - u).round();
             [last, v]
         })
         .collect()
+}
+
+/// A lamp as it is seen from the middle of the hair: unlike the map's lights it does not turn with the map.
+fn lamp_ring(spec: &LampSpec) -> Option<Ring> {
+    // The middle is the origin, and a radius the unit.
+    let lit = LampSpec { color: [1.0; 3], irradiance: 1.0, ..*spec };
+    let lamp = Lamp::new(&lit, glam::Vec3::ZERO, 1.0, 1.0)?;
+    let angle = match lamp.shape {
+        Shape::Sun { angle } => angle,
+        Shape::Sphere { .. } => (spec.size / spec.distance).min(1.0).asin(),
+        Shape::Softbox { .. } => spec.size.atan2(spec.distance),
+    };
+    // A ring too small to be seen is still one to be taken hold of.
+    let outline = circle(lamp.toward, angle.max(LEAST_RING));
+    Some(Ring { centre: direction_to_uv(lamp.toward), outline })
+}
+
+/// Places a lamp where the map has `uv`.
+fn place_lamp(spec: &mut LampSpec, [u, v]: [f64; 2]) {
+    let [x, y, z] = uv_to_direction([u.rem_euclid(1.0), v.clamp(0.0, 1.0)]).to_array();
+    spec.azimuth_deg = x.atan2(z).to_degrees();
+    spec.elevation_deg = y.clamp(-1.0, 1.0).asin().to_degrees();
 }
 
 impl LightView {
@@ -140,7 +175,21 @@ impl LightView {
         let sense = Sense::click_and_drag();
         let (rect, response) = ui.allocate_exact_size(Vec2::new(width, 0.5 * width), sense);
         fields::name_it(&response, "Picture of the light");
-        if response.dragged() {
+        let lamps: Vec<(usize, Ring)> = (scene.lamps.iter().enumerate())
+            .filter_map(|(k, spec)| Some((k, lamp_ring(spec)?)))
+            .collect();
+        let lamp_at = |at: Pos2| nearest(lamps.iter().map(|(k, ring)| (*k, ring)), rect, 0.0, at);
+        if response.drag_started() {
+            let press = ui.input(|i| i.pointer.press_origin());
+            self.dragged = press.and_then(lamp_at);
+            self.lamp = self.dragged.or(self.lamp);
+        }
+        if let Some(k) = self.dragged {
+            if let Some(at) = response.interact_pointer_pos().filter(|_| response.dragged()) {
+                let [u, v] = [(at.x - rect.min.x) / width, (at.y - rect.min.y) / rect.height()];
+                place_lamp(&mut scene.lamps[k], [u, v].map(f64::from));
+            }
+        } else if response.dragged() {
             // What is under the pointer stays under it.
             let turned = 360.0 * f64::from(response.drag_delta().x / width.max(1.0));
             let rotation = &mut scene.environment.rotation_deg;
@@ -155,6 +204,8 @@ impl LightView {
         let painter = ui.painter_at(rect);
         painter.image(texture, rect, shown, Color32::WHITE);
         let hit = response.hover_pos().filter(|_| !response.dragged());
+        let over_lamp = hit.and_then(lamp_at);
+        let hit = hit.filter(|_| over_lamp.is_none());
         let hit = hit.and_then(|at| self.hit(rect, turn, at));
         if self.show_rings {
             for j in (0..self.rings.len()).rev().filter(|&j| self.chosen != Some(j)) {
@@ -164,6 +215,20 @@ impl LightView {
         }
         if let Some(j) = self.chosen {
             self.ring(&painter, rect, turn, j, light.fit.lights[j].rgb, 3.0);
+        }
+        if response.drag_stopped() {
+            self.dragged = None;
+        }
+        for (k, ring) in &lamps {
+            let width = if self.lamp == Some(*k) { 3.0 } else { 1.5 };
+            draw(&painter, rect, 0.0, ring, scene.lamps[*k].color, width);
+            let name = (Align2::CENTER_CENTER, FontId::proportional(12.0));
+            for at in copies(rect, 0.0, std::slice::from_ref(&ring.centre)).flatten() {
+                let at = at + Vec2::new(10.0, -8.0);
+                let (text, black) = ((k + 1).to_string(), Color32::from_black_alpha(200));
+                painter.text(at + Vec2::splat(1.0), name.0, &text, name.1.clone(), black);
+                painter.text(at, name.0, text, name.1.clone(), Color32::WHITE);
+            }
         }
         if response.has_focus() {
             painter.rect_stroke(rect, 0.0, ui.visuals().selection.stroke, egui::StrokeKind::Inside);
@@ -180,11 +245,17 @@ impl LightView {
             );
         }
         compass(ui, rect, toward);
-        if response.clicked() {
-            self.chosen = response.interact_pointer_pos().and_then(|at| self.hit(rect, turn, at));
+        if response.clicked()
+            && let Some(at) = response.interact_pointer_pos()
+        {
+            match lamp_at(at) {
+                Some(k) => self.lamp = Some(k),
+                None => self.chosen = self.hit(rect, turn, at),
+            }
         }
         if response.hovered() {
             ui.ctx().set_cursor_icon(match hit {
+                _ if over_lamp.is_some() || self.dragged.is_some() => egui::CursorIcon::Move,
                 Some(_) => egui::CursorIcon::PointingHand,
                 None => egui::CursorIcon::ResizeHorizontal,
             });
@@ -199,17 +270,7 @@ impl LightView {
 
     /// The light under a place: the nearest centre or ring.
     fn hit(&self, rect: Rect, turn: f64, at: Pos2) -> Option<usize> {
-        let near = |ring: &Ring| {
-            let mut least = f32::INFINITY;
-            for line in copies(rect, turn, &ring.outline) {
-                let ends = line.windows(2);
-                least = ends.map(|p| to_segment(at, [p[0], p[1]])).fold(least, f32::min);
-            }
-            let centres = copies(rect, turn, std::slice::from_ref(&ring.centre));
-            centres.flatten().map(|centre| centre.distance(at)).fold(least, f32::min)
-        };
-        let nearest = self.rings.iter().map(near).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
-        nearest.filter(|&(_, away)| away <= NEAR).map(|(j, _)| j)
+        nearest(self.rings.iter().enumerate(), rect, turn, at)
     }
 
     fn ring(
@@ -221,16 +282,7 @@ impl LightView {
         rgb: [f64; 3],
         width: f32,
     ) {
-        let most = rgb.iter().copied().fold(1e-30, f64::max);
-        let stroke = Stroke::new(width, fields::swatch(rgb.map(|c| c / most)));
-        let under = Stroke::new(width + 1.5, Color32::from_black_alpha(150));
-        for line in copies(rect, turn, &self.rings[j].outline) {
-            painter.line(line.clone(), under);
-            painter.line(line, stroke);
-        }
-        for centre in copies(rect, turn, std::slice::from_ref(&self.rings[j].centre)).flatten() {
-            painter.circle(centre, 0.5 + width, stroke.color, Stroke::new(0.75, under.color));
-        }
+        draw(painter, rect, turn, &self.rings[j], rgb, width);
     }
 
     fn texture(&mut self, ctx: &egui::Context, light: &Light, scale: f32) -> egui::TextureId {
@@ -272,6 +324,39 @@ impl LightView {
         if let Some(j) = self.chosen {
             table(ui, &figures(light, scene, j));
         }
+    }
+}
+
+/// Of some rings the one whose centre or outline is nearest to a place, if it is near.
+fn nearest<'a>(
+    rings: impl Iterator<Item = (usize, &'a Ring)>,
+    rect: Rect,
+    turn: f64,
+    at: Pos2,
+) -> Option<usize> {
+    let near = |ring: &Ring| {
+        let mut least = f32::INFINITY;
+        for line in copies(rect, turn, &ring.outline) {
+            let ends = line.windows(2);
+            least = ends.map(|p| to_segment(at, [p[0], p[1]])).fold(least, f32::min);
+        }
+        let centres = copies(rect, turn, std::slice::from_ref(&ring.centre));
+        centres.flatten().map(|centre| centre.distance(at)).fold(least, f32::min)
+    };
+    let nearest = rings.map(|(j, ring)| (j, near(ring))).min_by(|a, b| a.1.total_cmp(&b.1));
+    nearest.filter(|&(_, away)| away <= NEAR).map(|(j, _)| j)
+}
+
+fn draw(painter: &egui::Painter, rect: Rect, turn: f64, ring: &Ring, rgb: [f64; 3], width: f32) {
+    let most = rgb.iter().copied().fold(1e-30, f64::max);
+    let stroke = Stroke::new(width, fields::swatch(rgb.map(|c| c / most)));
+    let under = Stroke::new(width + 1.5, Color32::from_black_alpha(150));
+    for line in copies(rect, turn, &ring.outline) {
+        painter.line(line.clone(), under);
+        painter.line(line, stroke);
+    }
+    for centre in copies(rect, turn, std::slice::from_ref(&ring.centre)).flatten() {
+        painter.circle(centre, 0.5 + width, stroke.color, Stroke::new(0.75, under.color));
     }
 }
 
@@ -324,7 +409,8 @@ fn compass(ui: &mut Ui, rect: Rect, toward: Option<DVec3>) {
     let (strip, response) = ui.allocate_exact_size(size, Sense::hover());
     response.on_hover_text(
         "Sides as the usual camera has them: the light in front of the hair falls on what it sees. The triangle is \
-         where the camera stands now.\nDrag the picture to turn the light, click a ring for its figures.",
+         where the camera stands now.\nDrag the picture to turn the light, click a ring for its figures; a lamp's ring, with \
+         its number, is dragged to where the lamp is to be.",
     );
     let color = ui.visuals().weak_text_color();
     let words = ["front", "left", "behind", "right", "front"];

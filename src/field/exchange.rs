@@ -16,6 +16,9 @@ const PHIS: usize = 25;
 
 /// RGB of one tangent.
 pub(super) struct Exchange {
+    tangent: DVec3,
+    /// θ and φ against every ordinate.
+    outward: Vec<(f64, f64)>,
     /// `of_ordinates[o·D + i]`: radiance against ordinate o of unit radiance along all of ordinate i. A row sums to
     /// the fibre's albedo.
     pub of_ordinates: Vec<Vec3A>,
@@ -47,7 +50,7 @@ fn rgb(value: [f64; 3]) -> Vec3A {
 }
 
 /// 𝓜 of an ordinate's lobe at places of (θ_o, θ_j, |φ|).
-struct Table(Vec<Vec3A>);
+pub(super) struct Table(Vec<Vec3A>);
 
 impl Table {
     fn new(fast: &Fast, lambda: f64) -> Table {
@@ -80,16 +83,28 @@ impl Table {
     }
 }
 
-/// An [`Exchange`] for each pair of a tangent and the place of its fibre. `lights` are not ordinates.
+impl Exchange {
+    /// Adds to `sent`, against every ordinate, what becomes of a lobe along `direction` that is as wide as an ordinate's
+    /// and whose peak is `rgb`.
+    pub(super) fn add_lobe(&self, table: &Table, direction: DVec3, rgb: Vec3A, sent: &mut [Vec3A]) {
+        let (theta_j, phi_j) = angles(self.tangent, direction);
+        for (sent, &(theta_o, phi_o)) in sent.iter_mut().zip(&self.outward) {
+            *sent += rgb * table.at(theta_o, theta_j, wrap(phi_o - phi_j));
+        }
+    }
+}
+
+/// An [`Exchange`] for each pair of a tangent and the place of its fibre, and a [`Table`] for each fibre. `lights` are
+/// not ordinates.
 pub(super) fn exchanges(
     fibres: &[Fast],
     pairs: &[(DVec3, usize)],
     ordinates: &[SrbfLight],
     lights: &[SrbfLight],
-) -> Vec<Exchange> {
+) -> (Vec<Exchange>, Vec<Table>) {
     let count = ordinates.len();
-    let table = |fast: &Fast| ordinates.first().map(|one| Table::new(fast, one.lambda));
-    let tables: Vec<_> = fibres.iter().map(table).collect();
+    let lambda = ordinates.first().map_or(1.0, |one| one.lambda);
+    let tables: Vec<_> = fibres.iter().map(|fast| Table::new(fast, lambda)).collect();
     let exchange = |&(t, fibre): &(DVec3, usize)| {
         let (fast, table) = (&fibres[fibre], &tables[fibre]);
         let seen = |light: &SrbfLight| angles(t, light.direction);
@@ -98,11 +113,11 @@ pub(super) fn exchanges(
         let mut of_ordinates = Vec::with_capacity(count * count);
         for &(theta_o, phi_o) in &outward {
             let first = of_ordinates.len();
-            of_ordinates.extend(lobes.iter().map(|&(theta_j, phi_j)| {
-                table
-                    .as_ref()
-                    .map_or(Vec3A::ZERO, |table| table.at(theta_o, theta_j, wrap(phi_o - phi_j)))
-            }));
+            of_ordinates.extend(
+                lobes
+                    .iter()
+                    .map(|&(theta_j, phi_j)| table.at(theta_o, theta_j, wrap(phi_o - phi_j))),
+            );
             // Lobes overlap, and a strand must make of even light just what it does not keep.
             let row = &mut of_ordinates[first..];
             let sum: Vec3A = row.iter().sum();
@@ -119,9 +134,10 @@ pub(super) fn exchanges(
             });
             values.collect::<Vec<_>>()
         };
-        Exchange { of_ordinates, of_lights: lights.iter().flat_map(of_light).collect() }
+        let of_lights = lights.iter().flat_map(of_light).collect();
+        Exchange { tangent: t, outward, of_ordinates, of_lights }
     };
-    pairs.par_iter().map(exchange).collect()
+    (pairs.par_iter().map(exchange).collect(), tables)
 }
 
 /// By what a lobe's peak is multiplied so that as many as there are ordinates, spread over the sphere, add up to 1.

@@ -81,6 +81,11 @@ impl Grid {
 }
 
 impl Grid {
+    /// World position of the middle of a cell.
+    pub(super) fn middle(&self, cell: u32) -> Vec3 {
+        self.volume.middle(cell as usize)
+    }
+
     /// Means over each hairy cell of what is known at [`Self::samples`]: those around count as well, the less the
     /// farther they are, or the noise of a few samples would show as spots.
     pub(super) fn means(&self, of_samples: &[f32]) -> Vec<f32> {
@@ -189,10 +194,6 @@ fn inside_head(volume: &Volume, occluders: &Occluders) -> Vec<bool> {
     if occluders.head.is_none() {
         return vec![false; nx * ny * nz];
     }
-    let place = |i: usize| {
-        let at = [i % nx, i / nx % ny, i / nx / ny].map(|at| at as f32 + 0.5);
-        volume.origin + volume.cell * Vec3::from(at)
-    };
-    let places: Vec<Vec3> = (0..nx * ny * nz).map(place).collect();
+    let places: Vec<Vec3> = (0..nx * ny * nz).map(|i| volume.middle(i)).collect();
     occluders.openness(&places).into_iter().map(|open| open < OPEN).collect()
 }

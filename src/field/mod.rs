@@ -28,7 +28,7 @@ use half::f16;
 
 pub use grid::Grid;
 pub use palette::Palette;
-pub use solve::solve;
+pub use solve::{Lit, solve};
 
 use crate::paint::Fibres;
 use crate::scattering::fast::{Fast, Tables};

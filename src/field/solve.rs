@@ -7,8 +7,9 @@ use super::exchange::{Exchange, exchanges, share};
 use super::grid::Grid;
 use super::palette::Palette;
 use super::{Field, Twin};
+use crate::lamp::Lamp;
 use crate::scattering::fast::Fast;
-use crate::srbf::{ORDINATES, SrbfLight};
+use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
 use crate::stage::HEAD_ALBEDO;
 use crate::transport::Brought;
 
@@ -18,32 +19,48 @@ const MOST_ROUNDS: usize = 200;
 /// Of a cell within the head, among its neighbours: what is seen of one counts where there is no other.
 const HEAD_WEIGHT: f32 = 0.01;
 
-/// Light that has met a strand or the head, for the fibres that `palette` has of `twin`'s and `lights` of which the
-/// last are the ordinates (`srbf::split_wide`), as they are `brought` to the grid's samples; `head` has its vertices and
+/// Lights, of which the last are the ordinates (`srbf::split_wide`), and lamps near the hair, as they are brought to
+/// the grid's samples: lamps come first.
+pub struct Lit<'a> {
+    pub lamps: &'a [Lamp],
+    pub lights: &'a [SrbfLight],
+    pub brought: &'a [Brought],
+}
+
+/// Light that has met a strand or the head, for the fibres that `palette` has of `twin`'s; `head` has its vertices and
 /// their irradiance. `progress` is told the share done; false cancels, and the result is then None.
 pub fn solve(
     grid: &Grid,
-    lights: &[SrbfLight],
-    brought: &[Brought],
+    lit: &Lit,
     head: &[(Vec3, Vec3)],
     palette: &Palette,
     twin: &Twin,
     progress: &dyn Fn(f32) -> bool,
 ) -> Option<Field> {
-    let (narrow, ordinates) = lights.split_at(lights.len() - ORDINATES);
+    let (narrow, ordinates) = lit.lights.split_at(lit.lights.len() - ORDINATES);
+    let (near, brought) = lit.brought.split_at(lit.lamps.len());
     let count = ORDINATES;
     let share = share(ordinates) as f32;
     let fibres: Vec<Fast> = palette.fibres.iter().map(|fibre| twin.of(fibre)).collect();
     let (pairs, pair_of) = pairs(grid, palette);
-    let exchange = exchanges(&fibres, &pairs, ordinates, narrow);
+    let (exchange, tables) = exchanges(&fibres, &pairs, ordinates, narrow);
     let of = |hairy: usize| &exchange[pair_of[hairy]];
     let reached: Vec<Vec<f32>> =
         brought.par_iter().map(|of_light| grid.means(&of_light.samples)).collect();
+    let width = ordinates.first().map_or(1.0, |one| one.lambda);
+    let lamps: Vec<(&Lamp, Vec<f32>)> = (lit.lamps.iter().zip(near))
+        .map(|(lamp, brought)| {
+            // What it brings per radiance, so that its nearer side of a cell counts for more.
+            let own = grid.samples.iter().zip(&brought.samples);
+            let brings = |(p, t): (&Vec3, &f32)| t * lamp.solid_angle(p.as_dvec3()) as f32;
+            (lamp, grid.means(&own.map(brings).collect::<Vec<f32>>()))
+        })
+        .collect();
     // What each hairy cell makes of light that no strand has met.
     let first: Vec<Vec<Vec3A>> = (0..grid.hairy.len())
         .into_par_iter()
         .map(|hairy| {
-            let Exchange { of_ordinates, of_lights } = of(hairy);
+            let Exchange { of_ordinates, of_lights, .. } = of(hairy);
             let along: Vec<Vec3A> = (ordinates.iter().enumerate())
                 .map(|(i, one)| {
                     let rgb = Vec3A::from(one.rgb.map(|c| c as f32));
@@ -54,6 +71,14 @@ pub fn solve(
             for (j, of_light) in of_lights.chunks_exact(count).enumerate() {
                 let reached = reached[j][hairy];
                 sent.iter_mut().zip(of_light).for_each(|(sent, &value)| *sent += reached * value);
+            }
+            // A lamp as a lobe as wide as an ordinate's, along its direction in the cell, with its energy.
+            let table = &tables[palette.of_cell[hairy] as usize];
+            for (lamp, brings) in lamps.iter().filter(|(_, brings)| brings[hairy] > 0.0) {
+                let light = lamp.lobe(grid.middle(grid.hairy[hairy]).as_dvec3());
+                let peak = brings[hairy] / lobe_integral(width) as f32;
+                let rgb = peak * Vec3A::from(lamp.radiance.map(|c| c as f32));
+                of(hairy).add_lobe(table, light.direction, rgb, &mut sent);
             }
             sent.iter_mut().for_each(|sent| *sent *= palette.tint[hairy]);
             sent

@@ -16,6 +16,7 @@ use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, 
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::hair::normals;
+use crate::lamp::Lamp;
 use crate::scene::Lens;
 use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
 use crate::stage::Geometry;
@@ -207,6 +208,8 @@ pub struct Renderer {
     slots: wgpu::Buffer,
     slot_count: u32,
     light_count: u32,
+    /// Of which the first are lamps.
+    lamp_count: u32,
     /// Where light is, that other strands have scattered.
     field: Option<FieldPlace>,
     field_texture: wgpu::TextureView,
@@ -275,6 +278,7 @@ impl Renderer {
             slots: storage(device, "slots", &[]),
             slot_count: 0,
             light_count: 0,
+            lamp_count: 0,
             field: None,
             field_texture: volume_texture(&gpu, "field", [1; 3], &[Default::default()]),
             field_sampler: linear_sampler(device),
@@ -433,31 +437,54 @@ impl Renderer {
         Ok(Some(Frame { size: lens.size, pixels, hair_coverage, shaded, passes: all }))
     }
 
-    /// Sets the lights (world frame, exposure included) and their packed reach at `points`:
-    /// `reach[j][k]` is light j at point `points[k]`. Segments with other points are no longer drawn: from
+    /// Sets lamps and lights (world frame, exposure included) and their packed reach at `points`:
+    /// `reach[j][k]` is light j at point `points[k]`, lamps first. Segments with other points are no longer drawn: from
     /// the cameras that [`Self::visible_points`] was asked for they are hidden anyway, and leaving them
     /// out rasterises the same frame in a quarter of the time (sintel).
     ///
     /// Comes after [`Self::set_method`], which says how many lights a pass may sum, and before [`Self::set_field`].
-    pub fn set_lights(&mut self, lights: &[SrbfLight], points: &[u32], reach: &[&[u32]]) {
+    pub fn set_lights(
+        &mut self,
+        lamps: &[Lamp],
+        lights: &[SrbfLight],
+        points: &[u32],
+        reach: &[&[u32]],
+    ) {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
-        let bright = lights.iter().filter(|light| power(light) > 0.0).count();
-        let fair = lights.iter().map(power).sum::<f64>() / bright.max(1) as f64;
+        let middle = self.center.as_dvec3();
+        let powers = lamps.iter().map(|lamp| power(&lamp.lobe(middle)));
+        let powers: Vec<f64> = powers.chain(lights.iter().map(power)).collect();
+        let bright = powers.iter().filter(|&&power| power > 0.0).count();
+        let fair = powers.iter().sum::<f64>() / bright.max(1) as f64;
         let least =
-            |light: &SrbfLight| self.negligible * fair / (3.0 * lobe_integral(light.lambda));
-        let entries: Vec<LightEntry> = lights
-            .iter()
-            .map(|light| LightEntry {
-                direction: light.direction.as_vec3(),
-                lambda: light.lambda as f32,
-                rgb: Vec3::from(light.rgb.map(|c| c as f32)),
-                energy: lobe_integral(light.lambda) as f32,
-                least: least(light).min(f64::from(f32::MAX)) as f32,
-                pad: [0.0; 3],
+            |integral: f64| (self.negligible * fair / (3.0 * integral)).min(f64::from(f32::MAX));
+        let of_lamps = lamps.iter().filter_map(|lamp| {
+            let (center, size, side) = lamp.place()?;
+            Some(LightEntry {
+                direction: (center - middle).as_vec3(),
+                lambda: size as f32,
+                rgb: Vec3::from(lamp.radiance.map(|c| c as f32)),
+                energy: 1.0,
+                least: least(1.0) as f32,
+                side: side.as_vec3().to_array(),
             })
-            .collect();
+        });
+        let of_lights = lights.iter().map(|light| LightEntry {
+            direction: light.direction.as_vec3(),
+            lambda: light.lambda as f32,
+            rgb: Vec3::from(light.rgb.map(|c| c as f32)),
+            energy: lobe_integral(light.lambda) as f32,
+            least: least(lobe_integral(light.lambda)) as f32,
+            side: [0.0; 3],
+        });
+        let entries: Vec<LightEntry> = of_lamps.chain(of_lights).collect();
         self.lights = storage(&self.gpu.device, "lights", bytemuck::cast_slice(&entries));
-        self.light_count = lights.len() as u32;
+        self.light_count = entries.len() as u32;
+        let had_lamps = self.lamp_count > 0;
+        self.lamp_count = lamps.len() as u32;
+        if had_lamps == lamps.is_empty() {
+            self.shading.clear();
+        }
         self.set_reach(points, reach);
     }
 
@@ -541,7 +568,9 @@ impl Renderer {
     fn shading_pipeline(&mut self, parts: u32, count: bool) -> wgpu::ComputePipeline {
         let method = &self.method;
         let mut constants = method.constants();
-        constants.extend([("PARTS", f64::from(parts)), ("COUNT", f64::from(count))]);
+        let lamps = method.general || self.lamp_count > 0;
+        let own = [("PARTS", f64::from(parts)), ("COUNT", f64::from(count))];
+        constants.extend(own.into_iter().chain([("LAMPS", f64::from(lamps))]));
         let kind =
             PipelineKind { integrator: method.integrator, exact: method.exact_single, constants };
         if let Some((_, pipeline)) = self.pipelines.iter().find(|(known, _)| *known == kind) {
@@ -791,6 +820,8 @@ impl Renderer {
                     field_cell: field.cell,
                     field_dims: field.dims,
                     field_scale: field.scale,
+                    lamps: self.lamp_count,
+                    pad: [0; 3],
                 };
                 let uniform = uniform_buffer(device, "shading", bytemuck::bytes_of(&uniform));
                 let buffers = [

@@ -17,7 +17,7 @@ macro_rules! files {
 }
 
 /// Every file, by its path in shaders/.
-const FILES: [(&str, &str); 22] = files![
+const FILES: [(&str, &str); 23] = files![
     "angles.wgsl",
     "arrival.wgsl",
     "azimuth_table.wgsl",
@@ -28,6 +28,7 @@ const FILES: [(&str, &str); 22] = files![
     "fast.wgsl",
     "fibre.wgsl",
     "gaussian.wgsl",
+    "lamp.wgsl",
     "longitudinal.wgsl",
     "mark.wgsl",
     "marschner.wgsl",
@@ -43,8 +44,14 @@ const FILES: [(&str, &str); 22] = files![
 ];
 
 /// What every method stands on.
-const COMMON: [&str; 5] =
-    ["fibre.wgsl", "angles.wgsl", "gaussian.wgsl", "longitudinal.wgsl", "arrival.wgsl"];
+const COMMON: [&str; 6] = [
+    "fibre.wgsl",
+    "angles.wgsl",
+    "gaussian.wgsl",
+    "lamp.wgsl",
+    "longitudinal.wgsl",
+    "arrival.wgsl",
+];
 
 /// A method's own files, among them the seam: shaders/shade.wgsl says what it defines.
 fn own(integrator: Integrator) -> &'static [&'static str] {

@@ -77,7 +77,7 @@ pub struct ViewUniform {
     pub widened: f32,
 }
 
-/// `Light` of shaders/shade.wgsl.
+/// `Light` of shaders/shade.wgsl, which says what it holds of a lamp.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct LightEntry {
@@ -86,7 +86,7 @@ pub struct LightEntry {
     pub rgb: Vec3,
     pub energy: f32,
     pub least: f32,
-    pub pad: [f32; 3],
+    pub side: [f32; 3],
 }
 
 /// `Shading` of shaders/shade.wgsl.
@@ -103,6 +103,8 @@ pub struct ShadingUniform {
     pub field_cell: f32,
     pub field_dims: Vec3,
     pub field_scale: f32,
+    pub lamps: u32,
+    pub pad: [u32; 3],
 }
 
 /// Byte offsets in `Needed` (shaders/mark.wgsl).

@@ -2,11 +2,13 @@
 
 pub mod builtin;
 mod obj;
+mod rays;
 mod up;
 
 use glam::Vec3;
 
 pub use obj::{LoadedHead, load};
+pub use rays::HeadRays;
 pub use up::{Up, check_scale};
 
 /// A triangle mesh with one unit normal a vertex.

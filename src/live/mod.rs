@@ -1,7 +1,7 @@
 //! Live: a scene that changes, seen again and again, with no more made anew than what changed asks for.
 //!
 //! - [`Session`]: the stages of a frame, each kept with what it was made from: geometry ← hair, head; light ← map,
-//!   number of lights; lit hair ← light, rotation; fibres ← fibre, paint; field ← lit hair, fibres. Exposure is a factor.
+//!   number of lights; lit hair ← light, rotation, lamps; fibres ← fibre, paint; field ← lit hair, fibres. Exposure is a factor.
 //! - [`Light`]: a map and its fit, made on a thread of its own while pictures go on under the light there was.
 //! - [`Worker`]: a session on a thread of its own. Only the newest wish counts.
 //! - [`truth`]: the same picture path traced, on another thread.

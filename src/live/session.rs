@@ -18,12 +18,12 @@ use crate::gpu::frame::{Background, Frame, Renderer, Sight};
 use crate::gpu::method::MethodData;
 use crate::gpu::shaders::Shaders;
 use crate::image::display_bytes;
-use crate::light::{LitHair, Medium};
+use crate::light::{Lights, LitHair, Medium};
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::quality::{self, Costs, Facts, Pick, Settings};
-use crate::scene::{FibreSpec, HairSpec, HeadSpec, Lens, RenderSpec, Scene};
+use crate::scene::{FibreSpec, HairSpec, HeadSpec, LAMPS, LampSpec, Lens, RenderSpec, Scene};
 use crate::srbf::{self, split_weak, split_wide};
-use crate::stage::{Geometry, exposure_scale, place_lights};
+use crate::stage::{Geometry, exposure_scale, place_lights, suns};
 use crate::transport::Detail;
 
 /// A hurried picture shall take no longer.
@@ -75,8 +75,8 @@ impl Body {
     }
 }
 
-/// The fit and its rotation that hair is lit by.
-type Turned = (u64, f64);
+/// The fit, its rotation and the lamps that hair is lit by.
+type Turned = (u64, f64, [LampSpec; LAMPS]);
 
 /// How a picture was made: see [`Picture`].
 struct How {
@@ -216,8 +216,7 @@ impl Session {
         let (_, points) = hurried_points(stage);
         body.medium.roughen(stage, &mut fine.it, &points);
         if self.coarse.as_ref().is_none_or(|coarse| coarse.from != fine.from) {
-            let lights =
-                split_weak(&place_lights(&light.fit.lights, &unexposed(scene)), HURRY_LIGHTS);
+            let lights = lights_of(stage, light, scene, true);
             let mut it = self.coarse.take().map_or_else(LitHair::default, |coarse| coarse.it);
             if body.coarse.relight(stage, &mut it, lights, &|_| go_on()).is_err() {
                 return;
@@ -227,7 +226,7 @@ impl Session {
         }
         // What any whole picture of another camera takes.
         let points = stage.hair.points.len();
-        if 4 * points * fine.it.lights.len() <= FORESEEN_BYTES {
+        if 4 * points * fine.it.brought.len() <= FORESEEN_BYTES {
             let all: Vec<u32> = (0..points as u32).collect();
             let new = fine.it.missing(stage, &all);
             if !new.is_empty() {
@@ -480,7 +479,7 @@ impl Session {
         let (Some(body), Some(light)) = (&self.body, &self.light) else {
             bail!("no hair or light")
         };
-        let from = (self.lights, scene.environment.rotation_deg);
+        let from = (self.lights, scene.environment.rotation_deg, scene.lamps);
         let good = |made: &Option<Made<Turned, LitHair>>| {
             made.as_ref().is_some_and(|made| made.from == from)
         };
@@ -492,14 +491,17 @@ impl Session {
         {
             renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
         }
-        let lights = place_lights(&light.fit.lights, &unexposed(scene));
-        let (medium, made, lights) = match hurry {
-            true => (&body.it.coarse, &mut self.coarse, split_weak(&lights, HURRY_LIGHTS)),
-            false => (&body.it.medium, &mut self.fine, split_wide(&lights)),
+        let lights = lights_of(&body.it.stage, light, scene, hurry);
+        let (medium, made) = match hurry {
+            true => (&body.it.coarse, &mut self.coarse),
+            false => (&body.it.medium, &mut self.fine),
         };
         /// Of no fit.
-        const NOT_YET: Turned = (u64::MAX, 0.0);
-        let begun = made.get_or_insert_with(|| Made { from: NOT_YET, it: LitHair::default() });
+        const NOT_YET: u64 = u64::MAX;
+        let begun = made.get_or_insert_with(|| Made {
+            from: (NOT_YET, 0.0, scene.lamps),
+            it: LitHair::default(),
+        });
         let seen = self.sight.as_ref().map_or(&[][..], |sight| &sight.it.points);
         begun.it.retain(&body.it.stage, seen);
         medium.relight(&body.it.stage, &mut begun.it, lights, &|done| {
@@ -521,7 +523,7 @@ impl Session {
         let size = wish.size.map(|s| (f64::from(s) * share).round().max(1.0) as u32);
         let asked = parts(scene.render.scattering);
         let (now, ready) = (self.lit, self.hurry_ready);
-        let turned = (self.lights, scene.environment.rotation_deg);
+        let turned = (self.lights, scene.environment.rotation_deg, scene.lamps);
         let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         let lens = lens(stage, scene, size)?;
@@ -556,7 +558,7 @@ impl Session {
         let asked = parts(scene.render.scattering);
         let settings = self.settings(scene);
         self.hurry_ready = None;
-        let turned = (self.lights, scene.environment.rotation_deg);
+        let turned = (self.lights, scene.environment.rotation_deg, scene.lamps);
         let Some(body) = &self.body else { bail!("no hair") };
         let from = (lens(&body.it.stage, scene, wish.size)?, settings.samples);
         let known = self.sight.take().filter(|sight| sight.from == from);
@@ -636,7 +638,7 @@ impl Session {
         let (Some(body), Some(lit), Some(method)) = (&self.body, &self.fine, &self.method) else {
             bail!("no hair")
         };
-        let lights = &lit.it.lights;
+        let lights = &lit.it.lobes(&body.it.stage);
         let mut facts = match self.facts.take().filter(|made| made.from == from) {
             Some(made) => made.it,
             None => Facts::new(&method.it, lights, 1.0, multiple),
@@ -721,6 +723,14 @@ impl Session {
 
 fn ms_since(begun: Instant) -> f64 {
     1e3 * begun.elapsed().as_secs_f64()
+}
+
+/// What hair is lit by, before the light's exposure: in a hurry few narrow lights are kept.
+fn lights_of(stage: &Geometry, light: &Light, scene: &Scene, hurry: bool) -> Lights {
+    let scene = &unexposed(scene);
+    let placed = place_lights(&light.fit.lights, scene);
+    let split = if hurry { split_weak(&placed, HURRY_LIGHTS) } else { split_wide(&placed) };
+    Lights { lamps: stage.near_lamps(scene), distant: [suns(scene), split].concat() }
 }
 
 /// One of how many strands a hurried picture has, and their points.

@@ -108,7 +108,8 @@ impl Question {
         // As frames are: the light's exposure is a factor on the whole.
         let scene = unexposed(&wish.scene);
         let map = &light.map.environment;
-        let light = Light::map(map, scene.environment.rotation_deg.to_radians(), 1.0)?;
+        let light = Light::map(map, scene.environment.rotation_deg.to_radians(), 1.0)?
+            .with_lamps(&stage.lamps(&scene), stage.center);
         let fibres = wish.fibres(stage)?;
         let models = Models::new(&scene.fibre, &fibres);
         let Geometry { hair, diameters, frames, head, center, .. } = &**stage;

@@ -32,7 +32,7 @@ const SAMPLES: &str = "hairlight.samples";
 const SEGMENTS: &str = "hairlight.segments";
 const IDENTITY: &str = "hairlight.identity";
 
-/// What lights the hair.
+/// What lights the hair, beside lamps, which are as they are either way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lighting {
     /// The environment map itself.
@@ -90,6 +90,7 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
             Light::lobes(&place_lights(&fit.lights, scene))?
         }
     };
+    let light = light.with_lamps(&stage.lamps(scene), stage.center);
     let Geometry { hair, diameters, frames, head, center, .. } = &stage;
     let strands = Strands::new(hair, diameters, frames, pieces, *center);
     let skin = head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center));

@@ -8,6 +8,7 @@ use std::path::Path;
 use super::Scene;
 
 /// One field of a [`Scene`].
+#[derive(Clone, Copy)]
 pub struct Field {
     /// Table and name in `scene.toml`, as `fibre.eta`.
     pub key: &'static str,

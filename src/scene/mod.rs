@@ -8,6 +8,7 @@
 mod camera;
 mod fibre;
 mod field;
+mod lamp;
 mod preset;
 mod table;
 mod target;
@@ -15,6 +16,7 @@ mod target;
 pub use camera::{Camera, CameraSpec, Lens, Orbit, View};
 pub use fibre::{ChiangSpec, FibreSpec, Pigment, assembly_color};
 pub use field::{Alternative, Field, Kind, Value, srgb_to_linear};
+pub use lamp::{LAMPS, LampKind, LampSpec};
 pub use preset::{PRESETS, Preset};
 pub use table::FIELDS;
 pub use target::Target;
@@ -33,6 +35,7 @@ pub struct Scene {
     pub hair: HairSpec,
     pub head: HeadSpec,
     pub environment: EnvironmentSpec,
+    pub lamps: [LampSpec; LAMPS],
     pub fibre: FibreSpec,
     pub camera: CameraSpec,
     pub render: RenderSpec,

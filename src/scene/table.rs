@@ -4,7 +4,8 @@ use super::fibre::MOST_MELANIN;
 use super::field::{Alternative, Field, Kind, Slot, Value};
 use super::preset::{self, PRESETS};
 use super::{
-    Background, Bcsdf, Energies, Method, Orbit, Pigment, Scattering, Scene, UP_WORDS, View,
+    Background, Bcsdf, Energies, LAMPS, LampKind, Method, Orbit, Pigment, Scattering, Scene,
+    UP_WORDS, View,
 };
 use crate::scattering::fibre::BETA_DEG;
 
@@ -33,6 +34,81 @@ macro_rules! chiang_field {
     };
 }
 
+/// A field of a lamp.
+macro_rules! lamp_field {
+    ($place:literal, $lamp:literal, $name:ident, $flag:literal, $kind:expr, $unit:literal, $help:literal) => {
+        Field {
+            get: |scene| Some(scene.lamps[$place].$name.value()),
+            set: |scene, value| scene.lamps[$place].$name.assign(value),
+            unit: $unit,
+            ..field(concat!($lamp, ".", stringify!($name)), concat!($lamp, $flag), $kind, $help)
+        }
+    };
+}
+
+/// The fields of one of [`LAMPS`].
+macro_rules! lamp_fields {
+    ($place:literal, $lamp:literal) => {
+        &[
+            lamp_field!(
+                $place,
+                $lamp,
+                kind,
+                "",
+                LAMP_KIND,
+                "",
+                "a light placed by hand; a softbox is a square that faces the hair"
+            ),
+            lamp_field!(
+                $place,
+                $lamp,
+                azimuth_deg,
+                "-azimuth",
+                ANGLE,
+                "degrees",
+                "its angle from the face to +x"
+            ),
+            lamp_field!(
+                $place,
+                $lamp,
+                elevation_deg,
+                "-elevation",
+                ELEVATION,
+                "degrees",
+                "its angle above the horizon"
+            ),
+            lamp_field!(
+                $place,
+                $lamp,
+                distance,
+                "-distance",
+                LAMP_DISTANCE,
+                "",
+                "from the middle of the hair, in radii of the hair; of no sun"
+            ),
+            lamp_field!(
+                $place,
+                $lamp,
+                size,
+                "-size",
+                LAMP_SIZE,
+                "",
+                "radius or half a side in radii of the hair; of a sun the angular radius in degrees"
+            ),
+            lamp_field!($place, $lamp, color, "-color", LAMP_COLOR, "", "colour of its light"),
+            lamp_field!(
+                $place,
+                $lamp,
+                irradiance,
+                "-irradiance",
+                IRRADIANCE,
+                "",
+                "what faces it in the middle of the hair receives: radiance of the map times sr"
+            ),
+        ]
+    };
+}
+
 const fn field(key: &'static str, flag: &'static str, kind: Kind, help: &'static str) -> Field {
     Field {
         key,
@@ -57,6 +133,12 @@ const fn view_by(way: &'static str) -> Option<Alternative> {
 }
 
 const ANGLE: Kind = Kind::Number { min: -360.0, max: 360.0 };
+const ELEVATION: Kind = Kind::Number { min: -90.0, max: 90.0 };
+const LAMP_KIND: Kind = Kind::Choice(LampKind::WORDS);
+const LAMP_DISTANCE: Kind = Kind::Number { min: 0.1, max: 1000.0 };
+const LAMP_SIZE: Kind = Kind::Number { min: 0.01, max: 45.0 };
+const LAMP_COLOR: Kind = Kind::Color { min: 0.0, max: 1.0, words: &[] };
+const IRRADIANCE: Kind = Kind::Number { min: 0.0, max: 1e6 };
 const STOPS: Kind = Kind::Number { min: -20.0, max: 20.0 };
 const BETA: Kind = Kind::Number { min: BETA_DEG[0], max: BETA_DEG[1] };
 const ALPHA: Kind = Kind::Number { min: -20.0, max: 20.0 };
@@ -67,7 +149,34 @@ const INTENSITY: Kind = Kind::Number { min: 0.0, max: 4.0 };
 const CONCENTRATION: Kind = Kind::Number { min: 0.0, max: MOST_MELANIN };
 
 /// All fields, in the order of a scene file.
-pub static FIELDS: &[Field] = &[
+pub static FIELDS: &[Field] = &{
+    let mut all = [PLACES[0]; PLACES.len() + LAMPS * LAMP_FIELDS[0].len() + LOOKS.len()];
+    let mut parts = [PLACES; LAMPS + 2];
+    parts[LAMPS + 1] = LOOKS;
+    let (mut part, mut count) = (0, 0);
+    while part < parts.len() {
+        if 0 < part && part <= LAMPS {
+            parts[part] = LAMP_FIELDS[part - 1];
+        }
+        let mut i = 0;
+        while i < parts[part].len() {
+            all[count] = parts[part][i];
+            (i, count) = (i + 1, count + 1);
+        }
+        part += 1;
+    }
+    all
+};
+
+const LAMP_FIELDS: [&[Field]; LAMPS] = [
+    lamp_fields!(0, "lamp1"),
+    lamp_fields!(1, "lamp2"),
+    lamp_fields!(2, "lamp3"),
+    lamp_fields!(3, "lamp4"),
+];
+
+/// What is where: hair, head, environment.
+const PLACES: &[Field] = &[
     field!(
         hair.source,
         "hair",
@@ -134,6 +243,10 @@ pub static FIELDS: &[Field] = &[
         "lights fitted to the map; auto is 40, or what the quality needs",
         unset: Some("auto")
     ),
+];
+
+/// How it looks: fibre, camera, rendering, output.
+const LOOKS: &[Field] = &[
     field!(
         fibre.model,
         "bcsdf",
@@ -323,7 +436,7 @@ pub static FIELDS: &[Field] = &[
         ..orbit_field(
             "camera.elevation_deg",
             "elevation",
-            Kind::Number { min: -90.0, max: 90.0 },
+            ELEVATION,
             "camera's angle above the horizon",
         )
     },

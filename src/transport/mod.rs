@@ -12,6 +12,7 @@
 //!
 //! Measured by `capture --verify` against rays cast through the real strands: see README, "Limits".
 
+pub mod near;
 pub mod shadow;
 pub mod sheared;
 pub mod volume;

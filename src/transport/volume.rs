@@ -90,6 +90,13 @@ impl Volume {
         }
     }
 
+    /// World position of the middle of a cell.
+    pub fn middle(&self, index: usize) -> Vec3 {
+        let [nx, ny, _] = self.dims;
+        let at = [index % nx, index / nx % ny, index / nx / ny].map(|at| at as f32 + 0.5);
+        self.origin + self.cell * Vec3::from(at)
+    }
+
     /// World position to cells: the corner of cell (0, 0, 0) is the origin.
     pub fn to_cells(&self, p: Vec3) -> Vec3 {
         (p - self.origin) / self.cell
@@ -106,8 +113,7 @@ impl Volume {
 
     /// The same of the cells with hair alone, by their places.
     pub fn crossings(&self, omega: Vec3, mut with: impl FnMut([usize; 3], f32)) {
-        let [x, y, z] = omega.to_array();
-        let quadratic = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z];
+        let quadratic = quadratic(omega);
         let [across, down, _] = self.dims;
         let places = self.hairy.get_or_init(|| {
             let hairy = |&i: &usize| self.cells[i][..3].iter().sum::<f32>() != 0.0;
@@ -117,10 +123,59 @@ impl Volume {
         });
         for place in places {
             let [x, y, z] = place.map(usize::from);
-            let c = &self.cells[(z * down + y) * across + x];
-            let s = c[0] + c[1] + c[2];
-            let along: f32 = c.iter().zip(quadratic).map(|(a, b)| a * b).sum();
-            with([x, y, z], self.cell * (s * (s - along)).max(0.0).sqrt());
+            with([x, y, z], self.of_cell(&self.cells[(z * down + y) * across + x], &quadratic));
         }
     }
+
+    /// ρ(ω) · cell of one cell.
+    fn of_cell(&self, c: &[f32; 6], quadratic: &[f32; 6]) -> f32 {
+        let s = c[0] + c[1] + c[2];
+        if s == 0.0 {
+            return 0.0;
+        }
+        let along: f32 = c.iter().zip(quadratic).map(|(a, b)| a * b).sum();
+        self.cell * (s * (s - along)).max(0.0).sqrt()
+    }
+
+    /// τ, the crossings expected from `p` along unit `omega` over `length`, both in cells: cell by cell on the way
+    /// (Amanatides and Woo 1987).
+    pub fn march(&self, p: Vec3, omega: Vec3, length: f32) -> f32 {
+        let quadratic = quadratic(omega);
+        // No axis is quite at a right angle, so that nothing is 0 times infinity.
+        let steep = Vec3::select(omega.abs().cmplt(Vec3::splat(1e-12)), Vec3::splat(1e-12), omega);
+        let inverse = steep.recip();
+        let size = Vec3::from(self.dims.map(|n| n as f32));
+        let (low, high) = (-p * inverse, (size - p) * inverse);
+        let begin = low.min(high).max_element().max(0.0);
+        let end = low.max(high).min_element().min(length);
+        if begin >= end {
+            return 0.0;
+        }
+        let first = (p + begin * steep).floor().clamp(Vec3::ZERO, size - 1.0);
+        let ahead = Vec3::select(steep.cmpgt(Vec3::ZERO), first + 1.0, first);
+        let mut next = ((ahead - p) * inverse).to_array();
+        let each = inverse.abs().to_array();
+        let mut at = first.to_array().map(|c| c as isize);
+        let step = steep.to_array().map(|c| if c > 0.0 { 1 } else { -1 });
+        let (mut tau, mut t) = (0.0, begin);
+        loop {
+            let axis = (0..3).min_by(|&a, &b| next[a].total_cmp(&next[b])).unwrap_or(0);
+            let until = next[axis].min(end);
+            let index = (at[2] as usize * self.dims[1] + at[1] as usize) * self.dims[0];
+            let cell = &self.cells[index + at[0] as usize];
+            tau += self.of_cell(cell, &quadratic) * (until - t).max(0.0);
+            at[axis] += step[axis];
+            if until >= end || at[axis] < 0 || at[axis] >= self.dims[axis] as isize {
+                return tau;
+            }
+            t = until;
+            next[axis] += each[axis];
+        }
+    }
+}
+
+/// The products of ω's parts by which S is weighted in ωᵀSω.
+fn quadratic(omega: Vec3) -> [f32; 6] {
+    let [x, y, z] = omega.to_array();
+    [x * x, y * y, z * z, 2.0 * x * y, 2.0 * x * z, 2.0 * y * z]
 }

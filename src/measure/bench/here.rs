@@ -21,7 +21,7 @@ use crate::stage::Geometry;
 const PIXELS: f64 = 8000.0;
 const SAMPLES: u32 = 48;
 
-/// Takes the error of a scene's frame apart, in a picture of at most some 8,000 pixels through `lens`; and its size.
+/// Takes the error of a scene's frame apart, lit by its map alone, in a picture of at most some 8,000 pixels through `lens`; and its size.
 ///
 /// # Errors
 /// One line: no adapter, a method without the scene's model, `told` what is done and which share of it, and
@@ -34,6 +34,7 @@ pub fn causes(
     lens: &Lens,
     told: &(dyn Fn(&'static str, f32) -> bool + Sync),
 ) -> Result<(Causes, [u32; 2])> {
+    let scene = &Scene { lamps: Default::default(), ..scene.clone() };
     let cancelled = AtomicBool::new(false);
     let told = |what, done| {
         if !told(what, done) {

@@ -123,6 +123,14 @@ impl Vertex<'_> {
         })
     }
 
+    /// Where lamps are seen from, whichever way light leaves.
+    fn place(&self) -> DVec3 {
+        match self {
+            Vertex::Fibre { at, .. } => at.axis_point,
+            Vertex::Skin { at, .. } => at.place(),
+        }
+    }
+
     fn leave(&self, omega: DVec3) -> StrandRay {
         match self {
             Vertex::Fibre { at, .. } => at.leave(omega),
@@ -166,6 +174,12 @@ fn contribution(weight: DVec3, radiance: DVec3, turn: &Turn) -> Result<DVec3> {
         turn.pdf
     );
     Ok(value)
+}
+
+/// A ray that ends at a distance.
+fn up_to(distance: f64, mut ray: StrandRay) -> StrandRay {
+    ray.ray.tmax = ray.ray.tmax.min(distance as f32);
+    ray
 }
 
 pub(super) struct Integrator<'a> {
@@ -218,13 +232,15 @@ impl<'a> Integrator<'a> {
         for event in 1..=max_depth {
             let [light_u, light_v, h, survival] = sampler.block(2 * event - 1);
             let vertex = self.vertex(&hit, &ray, h, event == 1);
+            let place = vertex.place();
+            let shares = light.shares(place);
             if sampling != Sampling::Fibre
-                && let Some(lit) = light.sample([light_u, light_v])
+                && let Some(lit) = light.draw(place, &shares, [light_u, light_v])
             {
                 let turn = vertex.turn(lit.direction)?;
                 if turn.f_cos != DVec3::ZERO {
                     seen.rays += 1;
-                    if !self.occluded(&vertex.leave(turn.omega)) {
+                    if !self.occluded(&up_to(lit.distance, vertex.leave(turn.omega))) {
                         let weight = throughput * turn.f_cos / sampling.pdf(lit.pdf, turn.pdf);
                         seen.radiance += contribution(weight, lit.radiance, &turn)?;
                     }
@@ -244,6 +260,16 @@ impl<'a> Integrator<'a> {
                 throughput /= chance;
             }
             ray = vertex.leave(turn.omega);
+            if sampling != Sampling::Light {
+                for lit in light.lamps_along(place, &shares, turn.omega) {
+                    seen.rays += 1;
+                    if !self.occluded(&up_to(lit.distance, ray)) {
+                        let pdf = sampling.pdf(lit.pdf, turn.pdf);
+                        let weight = throughput * (turn.pdf / pdf);
+                        seen.radiance += contribution(weight, lit.radiance, &turn)?;
+                    }
+                }
+            }
             seen.rays += 1;
             if !last && let Some(next) = self.closest(&ray) {
                 hit = next;
@@ -251,7 +277,7 @@ impl<'a> Integrator<'a> {
             }
             if sampling != Sampling::Light && !(last && self.occluded(&ray)) {
                 let radiance = light.radiance(turn.omega);
-                let pdf = sampling.pdf(light.pdf(radiance), turn.pdf);
+                let pdf = sampling.pdf(light.far_pdf(&shares, radiance), turn.pdf);
                 seen.radiance += contribution(throughput * (turn.pdf / pdf), radiance, &turn)?;
             }
             break;

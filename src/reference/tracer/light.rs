@@ -1,6 +1,6 @@
-//! Distant light: an environment map as it is, or the SRBFs that stand for it.
+//! Distant light, an environment map as it is or the SRBFs that stand for it; and lamps, as they are.
 //!
-//! Both are sampled in proportion to their luminance, so that the density of a direction is its luminance over
+//! Map and SRBFs are sampled in proportion to their luminance, so that the density of a direction is its luminance over
 //! the integral of luminance, whatever way it was drawn.
 
 use std::f64::consts::{PI, TAU};
@@ -10,13 +10,17 @@ use glam::{DVec3, Vec3};
 
 use crate::environment::Environment;
 use crate::image::luminance;
+use crate::lamp::{Lamp, Sight};
+use crate::scene::LAMPS;
 use crate::srbf::{SrbfLight, direction_in_lobe};
 
-/// Light from all around.
+/// Light from all around, and lamps, which neither shade nor are seen.
 pub struct Light<'a> {
     source: Source<'a>,
     /// ∫ of luminance over the sphere.
     power: f64,
+    /// At most [`LAMPS`].
+    lamps: Vec<Lamp>,
 }
 
 enum Source<'a> {
@@ -33,6 +37,15 @@ pub struct LightSample {
     pub radiance: DVec3,
     /// Its density, 1/sr, > 0.
     pub pdf: f64,
+    /// How far it may be seen from: infinite but for lamps near the hair.
+    pub distance: f64,
+}
+
+/// ∫ of luminance that comes to a place from all around and from each lamp, and its sum.
+pub struct Shares {
+    far: f64,
+    lamps: [f64; LAMPS],
+    total: f64,
 }
 
 impl<'a> Light<'a> {
@@ -42,7 +55,7 @@ impl<'a> Light<'a> {
     /// One line, if the map's light is not finite or not positive.
     pub fn map(map: &'a Environment, rotation_rad: f64, scale: f64) -> Result<Light<'a>> {
         let (map, power) = Map::new(map, rotation_rad, scale);
-        Light { source: Source::Map(map), power }.checked("the environment map")
+        Light { source: Source::Map(map), power, lamps: Vec::new() }.checked("the environment map")
     }
 
     /// The sum of SRBF lights (world frame).
@@ -51,7 +64,7 @@ impl<'a> Light<'a> {
     /// One line, if the lights' energy is not finite or not positive.
     pub fn lobes(lights: &[SrbfLight]) -> Result<Light<'static>> {
         let (lobes, power) = Lobes::new(lights);
-        Light { source: Source::Lobes(lobes), power }.checked("the SRBF light")
+        Light { source: Source::Lobes(lobes), power, lamps: Vec::new() }.checked("the SRBF light")
     }
 
     fn checked(self, name: &str) -> Result<Self> {
@@ -86,8 +99,68 @@ impl<'a> Light<'a> {
             Source::Lobes(lobes) => lobes.sample(u),
         };
         let pdf = self.pdf(radiance);
-        (pdf > 0.0).then_some(LightSample { direction, radiance, pdf })
+        (pdf > 0.0).then_some(LightSample { direction, radiance, pdf, distance: f64::INFINITY })
     }
+
+    /// The same with up to [`LAMPS`] lamps, where `center` is the origin.
+    pub fn with_lamps(self, lamps: &[Lamp], center: Vec3) -> Self {
+        let lamps = lamps.iter().take(LAMPS).map(|lamp| lamp.moved(-center.as_dvec3()));
+        Light { lamps: lamps.collect(), ..self }
+    }
+
+    /// What comes to `p`: what [`Self::draw`] chooses by.
+    pub fn shares(&self, p: DVec3) -> Shares {
+        let of = |lamp: &Lamp| luminance_of(lamp.radiance.into()) * lamp.solid_angle(p);
+        let lamps = std::array::from_fn(|k| self.lamps.get(k).map_or(0.0, of));
+        let far = self.power;
+        Shares { far, lamps, total: far + lamps.iter().sum::<f64>() }
+    }
+
+    /// The density with which [`Self::draw`] draws a direction of this distant radiance.
+    pub fn far_pdf(&self, shares: &Shares, radiance: DVec3) -> f64 {
+        if shares.total > 0.0 { self.pdf(radiance) * (shares.far / shares.total) } else { 0.0 }
+    }
+
+    /// Draws light that may come to `p`, all from afar or all of one lamp, by its share; None where there is none.
+    pub fn draw(
+        &self,
+        p: DVec3,
+        shares: &Shares,
+        [choice, along]: [f64; 2],
+    ) -> Option<LightSample> {
+        if shares.total <= 0.0 {
+            return None;
+        }
+        let mut left = choice * shares.total;
+        for (lamp, &share) in self.lamps.iter().zip(&shares.lamps) {
+            if left < share {
+                let sight = lamp.draw(p, [(left / share).min(1.0 - f64::EPSILON), along])?;
+                return Some(of_lamp(lamp, sight, share / shares.total));
+            }
+            left -= share;
+        }
+        let rest = if self.lamps.is_empty() { choice } else { left / shares.far };
+        let far = self.sample([rest.clamp(0.0, 1.0 - f64::EPSILON), along])?;
+        Some(LightSample { pdf: far.pdf * (shares.far / shares.total), ..far })
+    }
+
+    /// Lamps that shine on `p` from unit `omega`, with the density of [`Self::draw`].
+    pub fn lamps_along(
+        &self,
+        p: DVec3,
+        shares: &Shares,
+        omega: DVec3,
+    ) -> impl Iterator<Item = LightSample> {
+        let met = self.lamps.iter().zip(shares.lamps).filter(|(_, share)| *share > 0.0);
+        met.filter_map(move |(lamp, share)| {
+            Some(of_lamp(lamp, lamp.meet(p, omega)?, share / shares.total))
+        })
+    }
+}
+
+fn of_lamp(lamp: &Lamp, sight: Sight, share: f64) -> LightSample {
+    let Sight { direction, distance, pdf } = sight;
+    LightSample { direction, radiance: lamp.radiance.into(), pdf: pdf * share, distance }
 }
 
 fn luminance_of(radiance: DVec3) -> f64 {

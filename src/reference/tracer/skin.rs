@@ -1,12 +1,10 @@
 //! Rays against the head: triangles under a BVH, smooth normals, diffuse reflection alike from both sides.
 
 use glam::{DVec3, Vec3, Vec3A};
-use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
-use obvhs::ray::{Ray, RayHit};
-use obvhs::{BvhBuildParams, triangle::Triangle};
+use obvhs::ray::Ray;
 
 use super::strands::StrandRay;
-use crate::head::Head;
+use crate::head::{Head, HeadRays};
 
 /// Rays leave the head from so far above it, over the size of its box.
 const LIFT: f32 = 1e-5;
@@ -16,9 +14,7 @@ pub struct Skin<'a> {
     head: &'a Head,
     /// Diffuse reflectance, linear RGB in [0, 1].
     pub albedo: DVec3,
-    /// In the BVH's order.
-    triangles: Vec<Triangle>,
-    bvh: CwBvh,
+    rays: HeadRays,
     lift: f32,
 }
 
@@ -33,6 +29,11 @@ pub struct SkinPoint {
 }
 
 impl SkinPoint {
+    /// Just above the surface, relative to the centre.
+    pub fn place(&self) -> DVec3 {
+        self.origin.as_dvec3()
+    }
+
     /// cosθ/π, which is both what diffuse reflection sends along unit `omega` for an albedo of 1 and the
     /// density of [`Self::sample`].
     pub fn cosine(&self, omega: DVec3) -> f64 {
@@ -56,38 +57,30 @@ impl SkinPoint {
 impl<'a> Skin<'a> {
     /// `center` becomes the origin.
     pub fn new(head: &'a Head, albedo: Vec3, center: Vec3) -> Skin<'a> {
-        let corner = |i: u32| Vec3A::from(head.positions[i as usize] - center);
-        let triangle =
-            |t: &[u32; 3]| Triangle { v0: corner(t[0]), v1: corner(t[1]), v2: corner(t[2]) };
-        let triangles: Vec<Triangle> = head.triangles.iter().map(triangle).collect();
-        let bvh = build_cwbvh(&triangles, BvhBuildParams::medium_build(), &mut Default::default());
-        let triangles = bvh.primitive_indices.iter().map(|&i| triangles[i as usize]).collect();
-        let lift = LIFT * bvh.total_aabb.diagonal().max_element().max(0.0);
-        Skin { head, albedo: albedo.as_dvec3(), triangles, bvh, lift }
+        let rays = HeadRays::new(head, center);
+        let lift = LIFT * rays.size().max_element().max(0.0);
+        Skin { head, albedo: albedo.as_dvec3(), rays, lift }
     }
 
     /// Corners of the box around the head.
     pub fn bounds(&self) -> (Vec3A, Vec3A) {
-        (self.bvh.total_aabb.min, self.bvh.total_aabb.max)
+        self.rays.bounds()
     }
 
     /// The nearest triangle before `ray.tmax`, and the distance to it.
     pub fn closest(&self, ray: &Ray) -> Option<(usize, f32)> {
-        let mut hit = RayHit::none();
-        self.bvh
-            .ray_traverse(*ray, &mut hit, |ray, id| self.triangles[id].intersect(ray))
-            .then_some((hit.primitive_id as usize, hit.t))
+        self.rays.closest(ray)
     }
 
     /// Whether anything lies before `ray.tmax`.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        !self.bvh.ray_traverse_miss(*ray, |ray, id| self.triangles[id].intersect(ray))
+        self.rays.occluded(ray)
     }
 
     /// The surface where `ray` meets triangle `id` at distance `t`.
     pub fn skin_point(&self, id: usize, t: f32, ray: &Ray) -> SkinPoint {
-        let triangle = &self.triangles[id];
-        let corners = self.head.triangles[self.bvh.primitive_indices[id] as usize];
+        let (triangle, place) = self.rays.triangle(id);
+        let corners = self.head.triangles[place];
         let [a, b, c] = corners.map(|i| self.head.normals[i as usize]);
         let at = triangle.compute_barycentric(ray);
         let facing = |n: DVec3, d: DVec3| if n.dot(d) > 0.0 { -n } else { n };
