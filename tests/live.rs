@@ -95,4 +95,6 @@ fn repainted_fibres_are_those_of_the_new_paint() {
     let fresh = Fibres::new(&spec, Some(&more));
     assert_eq!(apart(&fresh, &known.repainted(&before, &more)), 0);
     assert_eq!(apart(&known, &fresh.repainted(&more, &before)), 0);
+    // All of it undone, the hair is even again.
+    assert!(!fresh.repainted(&more, &Paint::bare(points)).painted());
 }

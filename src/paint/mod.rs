@@ -281,8 +281,7 @@ impl Fibres {
     /// The scene's fibre under paint, if there is any.
     pub fn new(spec: &FibreSpec, paint: Option<&Paint>) -> Self {
         let mut fibres = Self { links: spec.links(), ..Self::even(&spec.resolve()) };
-        let scatters = |layer: &Layer| layer.channel.first().is_some();
-        if let Some(paint) = paint.filter(|paint| paint.layers.iter().any(scatters)) {
+        if let Some(paint) = paint {
             fibres.repaint(paint);
         }
         fibres
@@ -290,7 +289,9 @@ impl Fibres {
 
     /// Puts paint over the scene's own at every point.
     pub fn repaint(&mut self, paint: &Paint) {
-        self.points = vec![PointFibre::zeroed(); paint.points];
+        let scatters = |layer: &Layer| layer.channel.first().is_some();
+        let points = if paint.layers.iter().any(scatters) { paint.points } else { 0 };
+        self.points = vec![PointFibre::zeroed(); points];
         let blocks = self.points.par_chunks_mut(BLOCK).enumerate();
         blocks.for_each(|(block, points)| under_paint(&self.base, paint, block, points));
     }
