@@ -38,7 +38,7 @@ const HURRY_NEGLIGIBLE: f64 = 0.03;
 const HURRY_CELLS: usize = 32;
 /// Narrow lights that are brought through hair anew while the light turns; others are shared out among ordinates, which
 /// stay where they are.
-const HURRY_LIGHTS: usize = 10;
+const HURRY_LIGHTS: usize = 6;
 /// Of rest before it is made what the next pictures may take; what reach of points that nothing shows yet may take.
 const FORESEE_AFTER: Duration = Duration::from_millis(300);
 const FORESEEN_BYTES: usize = 256 << 20;
