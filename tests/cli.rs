@@ -139,7 +139,7 @@ fn folder_of_wrong_files() -> TempDir {
     let folder = tempdir().unwrap();
     let files: [(&str, &[u8]); 8] = [
         ("range.toml", b"# high\n[fibre]\neta = 9\n"),
-        ("unknown.toml", b"film.size = [10, 10]"),
+        ("unknown.toml", b"outputs.size = [10, 10]"),
         ("syntax.toml", b"[fibre\n"),
         ("conflict.toml", b"fibre.sigma_a = [1, 1, 1]\nfibre.color = '#804020'"),
         ("binary.toml", b"HAIR\xff\xfe\x00"),

@@ -475,6 +475,13 @@ fn by_hand_latency() {
         wish.moving = false;
         see("roughness rests", &wish);
         wish.moving = true;
+        for k in 1..=3 {
+            wish.scene.environment.rotation_deg = 5.0 * f64::from(k);
+            see("light turns", &wish);
+        }
+        wish.moving = false;
+        see("light rests", &wish);
+        wish.moving = true;
         let stage = Geometry::load(&wish.scene).unwrap();
         for k in 1..=3 {
             let mut paint = Paint::bare(stage.hair.points.len());
@@ -487,13 +494,6 @@ fn by_hand_latency() {
         }
         wish.moving = false;
         see("paint rests", &wish);
-        wish.moving = true;
-        for k in 1..=3 {
-            wish.scene.environment.rotation_deg = 5.0 * f64::from(k);
-            see("light turns", &wish);
-        }
-        wish.moving = false;
-        see("light rests", &wish);
     }
 }
 

@@ -485,7 +485,10 @@ fn a_picture_is_saved_as_capture_makes_it() {
         type_path(window, &folder.path().join(name));
         if clear {
             // Behind the interface, which goes on.
-            until(window, "under way", |window| window.query_by_label("Cancel saving").is_some());
+            let under_way = |window: &Window| window.query_by_label("Cancel saving").is_some();
+            until(window, "under way", |window| {
+                under_way(window) || message(window).contains(name)
+            });
             look(window, "saving.png");
         }
         until(window, "saved", |window| message(window).contains(name));
@@ -538,7 +541,8 @@ fn a_picture_is_saved_as_capture_makes_it() {
         window.run_steps(2);
     }
     type_path(&mut window, &folder.path().join("small.png"));
-    until(&mut window, "saved", |window| message(window).contains("Saved"));
+    until(&mut window, "saved", |window| message(window).contains("small.png"));
+    assert!(message(&window).starts_with("Saved"), "{}", message(&window));
     let flags = ["scene.toml", "-o", "frame-small.png", "--size", "60x40", "--samples", "9"];
     crate::frames::captured(folder.path(), &flags);
     assert_eq!(png("small.png").dimensions(), (60, 40));

@@ -171,7 +171,7 @@ fn a_ring_is_where_the_light_falls_to_a_half() {
 
 /// A window with room for all of the panel.
 fn tall(document: Document) -> Window {
-    window_of(document, [860.0, 1000.0])
+    window_of(document, [860.0, 1400.0])
 }
 
 fn rect(window: &Window) -> Rect {

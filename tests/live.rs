@@ -25,7 +25,7 @@ fn see(session: &mut Session, wish: &Wish) -> Picture {
 fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
     let wish = Wish::new(small(), [96, 96]);
     let points = Geometry::load(&wish.scene).unwrap().hair.points.len();
-    let edits: [(&str, &dyn Fn(&mut Wish)); 6] = [
+    let edits: [(&str, &dyn Fn(&mut Wish)); 7] = [
         ("another camera", &|wish| {
             let orbit = Orbit { azimuth_deg: 80.0, ..Orbit::default() };
             wish.scene.camera.view = View::Orbit(orbit);
@@ -44,6 +44,7 @@ fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
         }),
         ("turned light", &|wish| wish.scene.environment.rotation_deg = 70.0),
         ("samples", &|wish| wish.scene.render.samples = Some(8)),
+        ("light turned back", &|wish| wish.scene.environment.rotation_deg = 0.0),
     ];
     let mut session = Session::default();
     let mut now = wish;

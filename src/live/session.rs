@@ -29,7 +29,7 @@ use crate::transport::Detail;
 /// A hurried picture shall take no longer.
 const HURRY_MS: f64 = 150.0;
 /// Strand points that a hurried picture rasterises at most, about.
-const HURRY_POINTS: usize = 45_000;
+const HURRY_POINTS: usize = 32_000;
 /// Pixels of a hurried picture: at least, and at first.
 const HURRY_PIXELS: [f64; 2] = [10_000.0, 20_000.0];
 /// What a light brings less of than this share is left out of a hurried picture: see `Renderer::negligible`.
@@ -312,6 +312,9 @@ impl Session {
     fn show(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
         let scene = &wish.scene;
         let Some(light) = &self.light else { bail!("no light") };
+        if let Some(renderer) = &mut self.gpu {
+            renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
+        }
         let mut shown = wish.clone();
         shown.scene.environment.source.clone_from(&light.source);
         shown.scene.environment.lights = Some(light.wanted);
@@ -485,11 +488,6 @@ impl Session {
         };
         if good(&self.fine) || hurry && good(&self.coarse) {
             return Ok(());
-        }
-        if !good(&self.coarse)
-            && let Some(renderer) = &mut self.gpu
-        {
-            renderer.it.turn_environment(scene.environment.rotation_deg.to_radians() as f32);
         }
         let lights = lights_of(&body.it.stage, light, scene, hurry);
         let (medium, made) = match hurry {
