@@ -159,7 +159,7 @@ fn unknown_keys_name_the_nearest() {
         ("fiber.eta", "fibre.eta"),
         ("fibre.colour", "fibre.color"),
         ("camera.fov", "camera.fov_deg"),
-        ("film.size", "output.size"),
+        ("outputs.size", "output.size"),
         ("environment.rotation", "environment.rotation_deg"),
         ("hair.strand_count", "hair.strands"),
         ("Fibre.Eta", "fibre.eta"),

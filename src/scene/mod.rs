@@ -360,7 +360,7 @@ pub fn field_named(key: &str) -> Result<&'static Field, String> {
     let nearness = |field: &Field| {
         let whole = strsim::normalized_damerau_levenshtein(key, field.key);
         let name = strsim::normalized_damerau_levenshtein(&last(key), field.name());
-        whole.max(0.95 * name)
+        (whole.max(0.95 * name), whole)
     };
     if let Some(field) = FIELDS.iter().find(|field| field.key == key) {
         return Ok(field);
@@ -369,7 +369,10 @@ pub fn field_named(key: &str) -> Result<&'static Field, String> {
         return Err(format!("`{key}` is a table of keys such as `{}`", field.key));
     }
     // Of equals the first.
-    let nearest = FIELDS.iter().rev().max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
+    let nearest = FIELDS.iter().rev().max_by(|a, b| {
+        let ((a, whole_a), (b, whole_b)) = (nearness(a), nearness(b));
+        a.total_cmp(&b).then(whole_a.total_cmp(&whole_b))
+    });
     let nearest = nearest.map_or("", |field| field.key);
     Err(format!("unknown key `{key}`; did you mean `{nearest}`?"))
 }
