@@ -21,11 +21,14 @@ fn see(session: &mut Session, wish: &Wish) -> Picture {
     last.into_inner().unwrap().expect("a picture")
 }
 
+/// An edit, by name.
+type Edit<'a> = (&'a str, &'a dyn Fn(&mut Wish));
+
 #[test]
 fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
     let wish = Wish::new(small(), [96, 96]);
     let points = Geometry::load(&wish.scene).unwrap().hair.points.len();
-    let edits: [(&str, &dyn Fn(&mut Wish)); 7] = [
+    let edits: [Edit; 7] = [
         ("another camera", &|wish| {
             let orbit = Orbit { azimuth_deg: 80.0, ..Orbit::default() };
             wish.scene.camera.view = View::Orbit(orbit);
