@@ -56,7 +56,7 @@ fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
     let stages = &before.figures.as_ref().unwrap().stages;
     let frame_ms = stages.iter().find(|(name, _)| *name == "the frame").unwrap().1;
     if let Some(shade_ms) = before.frame.passes.get("shade") {
-        assert!(*shade_ms > 0.2 * frame_ms && *shade_ms < frame_ms, "{shade_ms} of {frame_ms}");
+        assert!(*shade_ms > 0.05 * frame_ms && *shade_ms < frame_ms, "{shade_ms} of {frame_ms}");
     }
     session.foresee(&now, &|| true);
     for (name, edit) in edits {
