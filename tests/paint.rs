@@ -284,7 +284,7 @@ fn hair_painted_all_over_is_hair_of_that_fibre() {
     }
 }
 
-fn referenced(folder: &Path, arguments: &[&str]) {
+pub fn referenced(folder: &Path, arguments: &[&str]) {
     let run = Command::new(env!("CARGO_BIN_EXE_hairlight"))
         .current_dir(folder)
         .args(["reference", "-q"])

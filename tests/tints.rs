@@ -3,7 +3,6 @@
 
 use std::f64::consts::SQRT_2;
 use std::path::Path;
-use std::process::Command;
 
 use eframe::egui::accesskit::Role;
 use eframe::egui::{self, Key, Modifiers};
@@ -34,6 +33,8 @@ use super::editor::{editor, key, look, seen, small, window};
 use super::fast::places;
 use super::frames::{captured, write_unit_map};
 use super::wgsl::{Case, check, cpu, fibre, scattering_input, worst};
+
+use crate::paint::referenced;
 
 /// R three times as bright, TT gone, TRT red.
 const TINT: [[f64; 3]; 3] = [[3.0; 3], [0.0; 3], [1.0, 0.1, 0.05]];
@@ -205,16 +206,6 @@ fn light_between_strands_is_never_more_than_untinted() {
         println!("{model:?}: {shares:.3?} of untinted light; above it by {most:.1e}");
         assert!(most < 1e-6 && shares.iter().all(|share| *share < 0.95), "{model:?}: {most}");
     }
-}
-
-fn referenced(folder: &Path, arguments: &[&str]) {
-    let run = Command::new(env!("CARGO_BIN_EXE_hairlight"))
-        .current_dir(folder)
-        .args(["reference", "-q"])
-        .args(arguments)
-        .output()
-        .unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
 }
 
 const HAIR: [&str; 5] = ["--strands=2000", "--size", "40x30", "--background", "transparent"];

@@ -215,14 +215,14 @@ impl Session {
         // What the first hurried pictures take: of another camera, and of light that turns.
         let (_, points) = hurried_points(stage);
         body.medium.roughen(stage, &mut fine.it, &points);
-        if self.coarse.as_ref().is_none_or(|coarse| coarse.from != fine.from) {
+        let coarse = self.coarse.get_or_insert_with(|| not_lit(scene));
+        if coarse.from != fine.from {
             let lights = lights_of(stage, light, scene, true);
-            let mut it = self.coarse.take().map_or_else(LitHair::default, |coarse| coarse.it);
-            if body.coarse.relight(stage, &mut it, lights, &|_| go_on()).is_err() {
+            if body.coarse.relight(stage, &mut coarse.it, lights, &|_| go_on()).is_err() {
                 return;
             }
-            body.coarse.roughen(stage, &mut it, &points);
-            self.coarse = Some(Made { from: fine.from, it });
+            body.coarse.roughen(stage, &mut coarse.it, &points);
+            coarse.from = fine.from;
         }
         // What any whole picture of another camera takes.
         let points = stage.hair.points.len();
@@ -494,12 +494,7 @@ impl Session {
             true => (&body.it.coarse, &mut self.coarse),
             false => (&body.it.medium, &mut self.fine),
         };
-        /// Of no fit.
-        const NOT_YET: u64 = u64::MAX;
-        let begun = made.get_or_insert_with(|| Made {
-            from: (NOT_YET, 0.0, scene.lamps),
-            it: LitHair::default(),
-        });
+        let begun = made.get_or_insert_with(|| not_lit(scene));
         let seen = self.sight.as_ref().map_or(&[][..], |sight| &sight.it.points);
         begun.it.retain(&body.it.stage, seen);
         medium.relight(&body.it.stage, &mut begun.it, lights, &|done| {
@@ -721,6 +716,13 @@ impl Session {
 
 fn ms_since(begun: Instant) -> f64 {
     1e3 * begun.elapsed().as_secs_f64()
+}
+
+/// Hair that no light was brought to yet.
+fn not_lit(scene: &Scene) -> Made<Turned, LitHair> {
+    /// Of no fit.
+    const NOT_YET: u64 = u64::MAX;
+    Made { from: (NOT_YET, 0.0, scene.lamps), it: LitHair::default() }
 }
 
 /// What hair is lit by, before the light's exposure: in a hurry few narrow lights are kept.
