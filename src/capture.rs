@@ -75,22 +75,14 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             .watch("fitting lights", |progress| srbf::fit_cached(&map.environment, count, progress))
     };
     let facts = |lights: &[SrbfLight]| {
-        let width_px = f64::from(stage.diameter) * lenses[0].pixels_per_unit() / lenses[0].distance;
-        Facts::new(&method, lights, width_px, parts.multiple())
+        Facts::new(&method, lights, stage.width_px(&lenses[0]), parts.multiple())
     };
     let mut settings = Settings::of(scene);
     if let Some(target) = scene.render.quality {
         let trial = fit_lights(TRIAL_LIGHTS, &clock)?;
         let lights = shaded_lights(&trial.lights, scene);
         let error = trial.relative_l2_blurred_0_30;
-        let (visibility_ms, points) =
-            quality::quickest(|| Ok(renderer.visible_points(&lenses[..1], pieces, 4)?.len()))?;
-        let costs = Costs {
-            visibility_ms,
-            pair_ns: quality::measure_pair_ns(&renderer.gpu, &method)?,
-            points,
-            split: lights.len().saturating_sub(TRIAL_LIGHTS),
-        };
+        let costs = Costs::of_device(&mut renderer, &method, &lenses[0], pieces, lights.len())?;
         let pick = quality::pick(scene, target, &facts(&lights), &costs, error);
         clock.note(&pick.line(target));
         settings = pick.settings;

@@ -25,14 +25,14 @@ use anyhow::Result;
 use serde::Serialize;
 
 use crate::gpu::Gpu;
-use crate::gpu::frame::NEGLIGIBLE;
+use crate::gpu::frame::{NEGLIGIBLE, Renderer};
 use crate::gpu::method::{Integrator, MethodData, tables_over};
 use crate::gpu::probe::{INPUTS, Probe};
 use crate::scattering::azimuthal::FitLayers;
 use crate::scattering::fast::Fast;
 use crate::scattering::fibre::Fibre;
 use crate::scattering::model::Model;
-use crate::scene::{Scene, Target};
+use crate::scene::{Lens, Scene, Target};
 use crate::srbf::{self, SrbfLight};
 use crate::transport::Detail;
 
@@ -197,6 +197,24 @@ pub struct Costs {
 }
 
 impl Costs {
+    /// Those of frames like the one through `lens`, in `pieces` straight pieces a segment, with the `lights` that a fit
+    /// of [`TRIAL_LIGHTS`] is shaded as; from small runs.
+    ///
+    /// # Errors
+    /// One line: what the device says is wrong.
+    pub fn of_device(
+        renderer: &mut Renderer,
+        method: &MethodData,
+        lens: &Lens,
+        pieces: u32,
+        lights: usize,
+    ) -> Result<Costs> {
+        let (visibility_ms, points) =
+            quickest(|| Ok(renderer.visible_points(&[*lens], pieces, 4)?.len()))?;
+        let pair_ns = measure_pair_ns(&renderer.gpu, method)?;
+        Ok(Costs { visibility_ms, pair_ns, points, split: lights.saturating_sub(TRIAL_LIGHTS) })
+    }
+
     /// Those by which [`Self::frame_ms`] of `settings` is what a frame of `points` points took: `shade_ms` of it for
     /// shading by `lights` lights, some of them parts of others, and `rest_ms` for all else.
     pub fn measured(
@@ -374,7 +392,7 @@ fn contrast(lights: &[SrbfLight]) -> f64 {
 }
 
 /// Nanoseconds of a pair of a point and a light on this device, from one small run.
-pub fn measure_pair_ns(gpu: &Gpu, method: &MethodData) -> Result<f64> {
+fn measure_pair_ns(gpu: &Gpu, method: &MethodData) -> Result<f64> {
     const POINTS: usize = 2048;
     const PAIRS: usize = 16;
     let statement = format!(
@@ -401,7 +419,7 @@ pub fn measure_pair_ns(gpu: &Gpu, method: &MethodData) -> Result<f64> {
 }
 
 /// Milliseconds of the quickest of three runs, and its result; the first compiles.
-pub fn quickest<T>(mut run: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
+fn quickest<T>(mut run: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
     let mut timed = || {
         let begun = Instant::now();
         let result = run()?;

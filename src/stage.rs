@@ -173,6 +173,11 @@ impl Geometry {
         self.lamps(scene).into_iter().filter(Lamp::is_near).collect()
     }
 
+    /// Pixels of a strand at its thickest, as far away as what the camera looks at.
+    pub fn width_px(&self, lens: &Lens) -> f64 {
+        f64::from(self.diameter) * lens.pixels_per_unit() / lens.distance
+    }
+
     /// Straight pieces that each segment is drawn in for this view.
     pub fn pieces(&self, lens: &Lens) -> u32 {
         let eye = lens.eye + self.center.as_dvec3();

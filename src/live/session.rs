@@ -637,7 +637,7 @@ impl Session {
             None => Facts::new(&method.it, lights, 1.0, multiple),
         };
         facts.multiple = multiple;
-        facts.width_px = f64::from(body.it.stage.diameter) * lens.pixels_per_unit() / lens.distance;
+        facts.width_px = body.it.stage.width_px(lens);
         self.facts = Some(Made { from, it: facts });
         let (fitted, fit_error) = (light.fit.lights.len(), light.fit.relative_l2_blurred_0_30);
         let (points, lights) = (frame.shaded.len(), lights.len());

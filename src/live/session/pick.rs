@@ -47,18 +47,10 @@ impl Session {
             let lens = lens(stage, &wish.scene, wish.size)?;
             self.hurry_ready = None;
             renderer.set_thinning(1);
-            let (visibility_ms, points) = quality::quickest(|| {
-                Ok(renderer.visible_points(&[lens], stage.pieces(&lens), 4)?.len())
-            })?;
-            let costs = Costs {
-                visibility_ms,
-                pair_ns: quality::measure_pair_ns(&renderer.gpu, &method.it)?,
-                points,
-                split: lights.len().saturating_sub(TRIAL_LIGHTS),
-            };
-            let width_px = f64::from(stage.diameter) * lens.pixels_per_unit() / lens.distance;
+            let pieces = stage.pieces(&lens);
+            let costs = Costs::of_device(renderer, &method.it, &lens, pieces, lights.len())?;
             let multiple = parts(wish.scene.render.scattering).multiple();
-            let facts = Facts::new(&method.it, &lights, width_px, multiple);
+            let facts = Facts::new(&method.it, &lights, stage.width_px(&lens), multiple);
             let error = trial.relative_l2_blurred_0_30;
             let it = quality::pick(&wish.scene, target, &facts, &costs, error);
             self.picked = Some(Made { from: wish.clone(), it });
