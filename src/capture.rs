@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 
+use crate::environment::LightMeter;
+use crate::file::check_outputs;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
@@ -21,10 +23,10 @@ use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Quality, Stats,
     Timing, TransportFigures, Work,
 };
-use crate::transport::Detail;
+use crate::transport::{Detail, Reach};
 
 /// Pairs of a point and a light that `--verify` casts rays for.
-const VERIFIED_PAIRS: usize = 4096;
+const VERIFIED_PAIRS: usize = 8192;
 
 /// What is asked of a capture beside its scene.
 pub struct CaptureOptions<'a> {
@@ -44,7 +46,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let method = MethodData::new(scene.fibre.model, fibres, &scene.render)?;
     let Geometry { hair, center, .. } = &stage;
     let center = *center;
-    stage.notes.iter().for_each(|line| clock.note(line));
+    stage.notes.iter().chain(&outputs.left_over(scene)).for_each(|line| clock.note(line));
     clock.step("geometry")?;
 
     let map = load_map(&scene.environment.source, &clock)?;
@@ -93,6 +95,11 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("fit")?;
 
     let points = renderer.visible_points(&lenses, pieces, settings.samples)?;
+    if points.is_empty() {
+        for lens in &lenses {
+            clock.note(&nothing_seen(&stage, lens, settings.samples, &adapter.name)?);
+        }
+    }
     clock.step("visibility")?;
 
     let lights =
@@ -116,7 +123,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("field")?;
     let setup_ms = clock.total_ms();
 
-    let scale = exposure_scale(scene, map.environment.mean_radiance());
+    // One for all frames of a turn, so that it does not flicker.
+    let scale = exposure_scale(scene, &LightMeter::new(&map.environment), -lenses[0].forward);
 
     let mut last = None;
     let bar = clock.bar("frames");
@@ -143,14 +151,19 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
 
     let delta_t = options.verify.then(|| {
         // Rays go along lobes, which a lamp near the hair has not one of.
-        let distant = lit.brought.iter().skip(lit.lamps.len());
-        let reach: Vec<&[u32]> = distant.map(|brought| &brought.reach[..]).collect();
-        RealStrands::new(&stage).delta_t(&points, &lit.lights, &reach, VERIFIED_PAIRS)
+        let distant = &lit.brought[lit.lamps.len()..];
+        let t = |j: usize, k: usize| f64::from(Reach::unpack(distant[j].reach[k]).direct);
+        RealStrands::new(&stage).delta_t(&points, &lit.lights, t, VERIFIED_PAIRS)
     });
+    let delta_t = delta_t.flatten();
     if let Some(delta) = delta_t {
         clock.note(&format!(
-            "ΔT̃ over shaded points and all lights: mean {:+.4}, mean |ΔT̃| {:.4}",
-            delta.mean, delta.mean_abs
+            "ΔT̃ over seen points and lights that shine: mean {:+.4}, mean |ΔT̃| {:.4}; by the lights' energy mean |ΔT̃| \
+             is {:.3} of the mean T̃, and where light arrives the mean is {}",
+            delta.mean,
+            delta.mean_abs,
+            delta.weighted_abs,
+            delta.mean_lit.map_or("unknown".to_owned(), |lit| format!("{lit:+.3}"))
         ));
     }
     clock.note(&format!(
@@ -201,6 +214,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         transport: TransportFigures {
             mean_abs_delta_t: delta_t.map(|d| d.mean_abs),
             mean_delta_t: delta_t.map(|d| d.mean),
+            mean_delta_t_lit: delta_t.and_then(|d| d.mean_lit),
+            weighted_abs_delta_t: delta_t.map(|d| d.weighted_abs),
         },
         work: Work {
             lights: lights.len(),
@@ -242,20 +257,27 @@ impl Outputs {
             n => (0..n).map(|i| numbered(&path, i, n)).collect(),
         };
         let stats = scene.output.stats.as_ref().map(PathBuf::from);
-        for path in frames.first().into_iter().chain(&stats) {
-            let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-            if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-                bail!(
-                    "{}: the folder {} is not there: make it first",
-                    path.display(),
-                    folder.display()
-                );
-            }
-        }
+        let inputs = scene.files();
+        check_outputs(
+            &frames.iter().chain(&stats).map(PathBuf::as_path).collect::<Vec<_>>(),
+            &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>(),
+        )?;
         if let Some(path) = frames.first() {
             crate::image::Format::of(path)?;
         }
         Ok(Outputs { frames, stats })
+    }
+
+    /// A note where frames of a longer turn stay beside those of this one.
+    fn left_over(&self, scene: &Scene) -> Option<String> {
+        let (path, count) = (Path::new(&scene.output.path), scene.output.turntable);
+        let there = |i: u32| numbered(path, i, count).exists();
+        let end = (count..).find(|&i| !there(i)).filter(|&end| count > 0 && end > count)?;
+        Some(format!(
+            "{} to {} stay from a longer turn: remove them, or they will be taken for frames of this one",
+            numbered(path, count, count).display(),
+            numbered(path, end - 1, count).display()
+        ))
     }
 }
 
@@ -265,6 +287,26 @@ fn numbered(path: &Path, index: u32, count: u32) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}.{index:0digits$}.{extension}"))
+}
+
+/// A note on a view in which nothing was drawn of the hair.
+///
+/// # Errors
+/// One line, if strands lie before the camera that should have covered something.
+pub(crate) fn nothing_seen(
+    stage: &Geometry,
+    lens: &Lens,
+    samples: u32,
+    adapter: &str,
+) -> Result<String> {
+    /// With so many samples to be covered, that chance leaves out all of them is beyond belief.
+    const SURE: f64 = 256.0;
+    ensure!(
+        stage.expected_samples(lens, samples) < SURE,
+        "strands lie before the camera, but the adapter `{adapter}` draws none of them: update its driver, or choose \
+         another with --adapter"
+    );
+    Ok("no hair is in the frame: it lies beside or behind the camera, behind the head, or is too small".to_owned())
 }
 
 /// What stands behind the hair.

@@ -7,21 +7,22 @@ use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 
-/// Writes a file under a temporary name beside `path` and renames it once it is whole.
+use crate::progress::Unfinished;
+
+/// Writes a file under a temporary name beside `path` and renames it once it is whole. Where `path` is a link, the file
+/// that it leads to is written. A cancelled process waits for it.
 pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut std::fs::File) -> Result<()>,
 ) -> Result<()> {
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
+    let _unfinished = Unfinished::new();
     let attempt = || -> Result<()> {
+        let path = &target(path)?;
         // A file would take the place of a device, a pipe or a folder.
         ensure!(path.is_file() || !path.exists(), "something that is no file is there");
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        let mut file = tempfile::NamedTempFile::new_in(folder(path))?;
         write(file.as_file_mut())?;
         file.as_file_mut().flush()?;
         // Temporary files are private; a picture is not.
@@ -34,6 +35,56 @@ pub fn write_whole(
         Ok(())
     };
     attempt().with_context(|| format!("{}: cannot be written", path.display()))
+}
+
+/// The folder that a file is in.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Where a path leads through symbolic links, to a file that need not be there yet.
+fn target(path: &Path) -> Result<PathBuf> {
+    // As many as Linux follows.
+    const LINKS: usize = 40;
+    let mut path = path.to_owned();
+    for _ in 0..LINKS {
+        match std::fs::read_link(&path) {
+            Ok(to) => path = folder(&path).join(to),
+            Err(_) => return Ok(path),
+        }
+    }
+    bail!("its symbolic links lead in a circle")
+}
+
+/// Checks, before any work is done, that files can be written: their folders are there, and none of them is an input
+/// or named twice.
+///
+/// # Errors
+/// One line that names the file.
+pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
+    // One file has one such path, whether it is there yet or not.
+    let identity = |path: &Path| -> Result<PathBuf> {
+        let path = target(path)?;
+        Ok(folder(&path).canonicalize()?.join(path.file_name().unwrap_or_default()))
+    };
+    let inputs: Vec<PathBuf> = inputs.iter().filter_map(|path| identity(path).ok()).collect();
+    let mut known = Vec::new();
+    for path in outputs {
+        let (name, folder) = (path.display(), folder(path));
+        ensure!(
+            folder.is_dir(),
+            "{name}: the folder {} is not there: make it first",
+            folder.display()
+        );
+        let identity = identity(path).with_context(|| format!("{name}: cannot be written"))?;
+        ensure!(
+            !inputs.contains(&identity),
+            "{name}: is read as an input and would be overwritten: choose another name"
+        );
+        ensure!(!known.contains(&identity), "{name}: is written twice: choose another name");
+        known.push(identity);
+    }
+    Ok(())
 }
 
 /// A folder that an environment variable names; None where it is not set or empty.

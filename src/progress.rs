@@ -1,11 +1,37 @@
 //! Long work shows how far it is, says what it noticed, and can be cancelled.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// How many [`Unfinished`] there are.
+static UNFINISHED: AtomicUsize = AtomicUsize::new(0);
+
+/// Work that a cancelled process has to finish before it ends, for as long as this lives: a file that is being
+/// written, results that are kept.
+pub struct Unfinished(());
+
+impl Unfinished {
+    #[expect(clippy::new_without_default, reason = "it acts by being there")]
+    pub fn new() -> Unfinished {
+        UNFINISHED.fetch_add(1, Ordering::SeqCst);
+        Unfinished(())
+    }
+
+    /// Whether there is any.
+    pub fn any() -> bool {
+        UNFINISHED.load(Ordering::SeqCst) > 0
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        UNFINISHED.fetch_sub(1, Ordering::SeqCst);
+    }
+}
 
 /// How a command reports.
 #[derive(Clone, Copy)]

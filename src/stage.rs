@@ -6,12 +6,12 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use glam::{DMat3, DVec3, Vec3};
+use obvhs::ray::Ray;
 
-use crate::environment;
+use crate::environment::{self, LightMeter};
 use crate::hair::groom::GroomOptions;
 use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
-use crate::head::{self, Head};
-use crate::image::luminance;
+use crate::head::{self, Head, HeadRays};
 use crate::lamp::Lamp;
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::progress::Clock;
@@ -21,8 +21,9 @@ use crate::transport::volume::Volume;
 
 /// Diffuse reflectance of the head: warm clay.
 pub const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
-/// Automatic exposure brings the environment's mean luminance here.
-const EXPOSED_MEAN: f32 = 1.0;
+/// Automatic exposure brings the meter's reading here: a third of a stop above what a camera would, since hair is darker
+/// than a grey card.
+const METERED: f64 = 1.25;
 
 /// Strands and head.
 #[derive(Clone)]
@@ -178,6 +179,36 @@ impl Geometry {
         f64::from(self.diameter) * lens.pixels_per_unit() / lens.distance
     }
 
+    /// Samples that strands should cover in a frame of `samples` a pixel, each by itself: their projected area in
+    /// pixels, of what is in the frame and not behind the head, times `samples`.
+    pub fn expected_samples(&self, lens: &Lens, samples: u32) -> f64 {
+        let head = self.head.as_ref().map(|head| HeadRays::new(head, self.center));
+        let [x, y, w] = lens.image_axes();
+        let pixels = [lens.right, lens.up].map(|axis| axis.length() * lens.pixels_per_unit());
+        let area = |(a, b, diameter): (Vec3, Vec3, f32)| {
+            let [a, b] = [a, b].map(|p| (p - self.center).as_dvec3() - lens.eye);
+            let middle = 0.5 * (a + b);
+            let depth = [a, b, middle].map(|p| w.dot(p));
+            let inside = |axis: DVec3| axis.dot(middle).abs() < depth[2];
+            if !(depth.iter().all(|&d| d > 0.0) && inside(x) && inside(y)) {
+                return 0.0;
+            }
+            let hidden = head.as_ref().is_some_and(|head| {
+                let (eye, to) = (lens.eye.as_vec3().into(), middle.as_vec3().into());
+                head.occluded(&Ray::new(eye, to, 0.0, 1.0 - 1e-3))
+            });
+            if hidden {
+                return 0.0;
+            }
+            let across = |axis: DVec3, pixels: f64| {
+                pixels * (axis.dot(b) / depth[1] - axis.dot(a) / depth[0])
+            };
+            let length = across(x, pixels[0]).hypot(across(y, pixels[1]));
+            length * f64::from(diameter) * lens.pixels_per_unit() / depth[2]
+        };
+        f64::from(samples) * self.segments().map(area).sum::<f64>()
+    }
+
     /// Straight pieces that each segment is drawn in for this view.
     pub fn pieces(&self, lens: &Lens) -> u32 {
         let eye = lens.eye + self.center.as_dvec3();
@@ -243,14 +274,14 @@ pub fn suns(scene: &Scene) -> Vec<SrbfLight> {
     lamps.map(|sun| sun.lobe(DVec3::ZERO)).collect()
 }
 
-/// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings the luminance of the map's
-/// mean radiance to a fixed level, before the environment's own exposure, which so keeps its effect.
-pub fn exposure_scale(scene: &Scene, mean_radiance: [f64; 3]) -> f32 {
-    match scene.output.exposure {
-        Some(stops) => 2f64.powf(stops) as f32,
-        None => {
-            let mean = luminance(mean_radiance.map(|c| c as f32));
-            if mean > 0.0 { EXPOSED_MEAN / mean } else { 1.0 }
-        }
-    }
+/// What radiance is multiplied by before tone mapping: 2^exposure, or by default what brings what the meter reads under
+/// the turned map, seen from the unit direction `eye`, to a fixed level. The environment's own
+/// exposure and lamps are not metered, and so keep their effect.
+pub fn exposure_scale(scene: &Scene, meter: &LightMeter, eye: DVec3) -> f32 {
+    let Some(stops) = scene.output.exposure else {
+        let turn = DMat3::from_rotation_y(-scene.environment.rotation_deg.to_radians());
+        let luminance = meter.luminance(turn * eye);
+        return if luminance > 0.0 { (METERED / luminance) as f32 } else { 1.0 };
+    };
+    2f64.powf(stops) as f32
 }

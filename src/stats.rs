@@ -67,10 +67,13 @@ pub struct FitFigures {
 
 #[derive(Debug, Default, Serialize)]
 pub struct TransportFigures {
-    /// Against rays through the real strands, over shaded points and all lights; null unless asked for.
+    /// T̃ of the frame less T̃ by rays through the real strands, over seen points and lights that shine: see
+    /// [`crate::reference::transmittance::DeltaT`]. All are null unless asked for.
     pub mean_abs_delta_t: Option<f64>,
-    /// The same with its sign: above 0 where the frame is too bright.
     pub mean_delta_t: Option<f64>,
+    /// Null too where no light arrives.
+    pub mean_delta_t_lit: Option<f64>,
+    pub weighted_abs_delta_t: Option<f64>,
 }
 
 /// What the frame was made with, and the error that it is expected to have against path tracing.

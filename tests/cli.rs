@@ -188,6 +188,153 @@ fn fit_writes_lights_that_info_reads_and_a_preview() {
     assert!(stdout(&info).contains("lights                2\n"), "{}", stdout(&info));
 }
 
+/// A groom that takes seconds in every stage.
+const LONG: [&str; 4] = ["--strands", "60000", "--size", "960x640"];
+
+/// Where there is no Vulkan, OpenGL is no way out: its frames would lack the hair.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_vulkan_one_line_says_what_to_install_and_no_frame_is_written() {
+    let folder = tempdir().unwrap();
+    let small = ["--strands", "1000", "--size", "32x32", "--lights", "2", "-q", "-o", "frame.png"];
+    for more in [&[][..], &["--method", "xu"], &["--quality", "30%"]] {
+        let arguments = [&["capture"], &small[..], more].concat();
+        for (variable, value, says) in [
+            ("VK_DRIVER_FILES", "/nowhere", "mesa-vulkan-drivers"),
+            ("WGPU_BACKEND", "gl", "WGPU_BACKEND"),
+        ] {
+            let mut command = hairlight(folder.path());
+            let output = command.args(&arguments).env(variable, value).output().unwrap();
+            let error = stderr(&output);
+            assert_eq!(output.status.code(), Some(1), "{variable} {more:?}: {error}");
+            assert_eq!(error.lines().count(), 1, "{variable} {more:?}: {error}");
+            assert!(error.contains(says), "{variable} {more:?}: {error}");
+            assert!(!folder.path().join("frame.png").exists());
+        }
+    }
+    let output = run(folder.path(), &[&["capture"], &small[..]].concat());
+    assert_eq!(output.status.code(), Some(0), "with Vulkan: {}", stderr(&output));
+}
+
+#[test]
+fn an_input_is_not_written_over() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    let map = ["fit", "builtin:overcast", "--lights", "1", "-q", "--preview"];
+    assert_eq!(run(path, &[&map[..], &["map.png"]].concat()).status.code(), Some(0));
+    fs::write(path.join("map.exr"), "a map").unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("map.exr", path.join("link.exr")).unwrap();
+    fs::create_dir(path.join("folder")).unwrap();
+    for arguments in [
+        &["capture", "--env", "map.exr", "-o", "map.exr"][..],
+        &["capture", "--env", "map.exr", "-o", "folder/../map.exr"],
+        #[cfg(unix)]
+        &["capture", "--env", "map.exr", "-o", "link.exr"],
+        &["capture", "--env", "map.0001.exr", "--turntable", "2", "-o", "map.exr"],
+        &["reference", "--env", "map.exr", "-o", "map.exr"],
+        &["fit", "map.exr", "-o", "map.exr"],
+        &["fit", "builtin:night", "-o", "same.json", "--preview", "same.json"],
+        &["capture", "--env", "map.json", "--stats", "map.json"],
+    ] {
+        let output = run(path, arguments);
+        let error = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {error}");
+        assert_eq!(error.lines().count(), 1, "{arguments:?}: {error}");
+        assert!(error.contains("choose another name"), "{arguments:?}: {error}");
+        assert_eq!(fs::read_to_string(path.join("map.exr")).unwrap(), "a map", "{arguments:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_output_that_is_a_link_writes_what_it_leads_to() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    fs::create_dir(path.join("real")).unwrap();
+    std::os::unix::fs::symlink("real/lights.json", path.join("link.json")).unwrap();
+    let fit = ["fit", "builtin:overcast", "--lights", "1", "-q", "-o", "link.json"];
+    // The first time the link leads nowhere yet.
+    for _ in 0..2 {
+        assert_eq!(run(path, &fit).status.code(), Some(0));
+        assert!(fs::symlink_metadata(path.join("link.json")).unwrap().is_symlink());
+        assert!(fs::symlink_metadata(path.join("real/lights.json")).unwrap().is_file());
+        assert_eq!(names(&path.join("real")), ["lights.json"]);
+    }
+    std::os::unix::fs::symlink("b.json", path.join("a.json")).unwrap();
+    std::os::unix::fs::symlink("a.json", path.join("b.json")).unwrap();
+    let output = run(path, &["fit", "builtin:overcast", "--lights", "1", "-q", "-o", "a.json"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("a.json"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_shorter_turntable_tells_of_the_frames_of_a_longer_one() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    let turn = |frames: &str| {
+        let scene = ["--strands", "1000", "--size", "16x16", "--lights", "1", "--adapter", "cpu"];
+        let output = run(path, &[&["capture", "--turntable", frames], &scene[..]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        stderr(&output)
+    };
+    assert!(!turn("3").contains("longer turn"));
+    assert!(!turn("3").contains("longer turn"));
+    let notes = turn("1");
+    let says = "hairlight.0001.png to hairlight.0002.png stay from a longer turn";
+    assert!(notes.contains(says), "{notes}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_path_that_is_not_unicode_is_named() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let folder = tempdir().unwrap();
+    let path = std::ffi::OsStr::from_bytes(b"caf\xe9.hair");
+    for (before, says) in [(&["capture", "--hair"][..], "--hair caf"), (&["info"], "`caf")] {
+        let output = hairlight(folder.path()).args(before).arg(path).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{before:?}");
+        assert!(stderr(&output).contains(says), "{before:?}: {}", stderr(&output));
+    }
+}
+
+/// Whatever is under way when the signal comes: loading, a fit, light through hair, a pass on the GPU, a reader of stdin.
+#[cfg(unix)]
+#[test]
+fn interrupt_ends_any_stage_within_a_second_and_leaves_nothing() {
+    use std::time::{Duration, Instant};
+    let folder = tempdir().unwrap();
+    let capture = ["capture", "--adapter", "cpu", "-o", "frame.png", "--turntable", "9"];
+    let capture = [&capture[..], &LONG].concat();
+    let reference = [&["reference", "-o", "truth.png", "--preset", "white"], &LONG[..]].concat();
+    let after = |seconds: f64, arguments: &[&str]| {
+        let mut command = hairlight(folder.path());
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.args(arguments).spawn().unwrap();
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        assert!(child.try_wait().unwrap().is_none(), "{arguments:?} is over after {seconds} s");
+        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let begun = Instant::now();
+        assert!(sent.success());
+        let (code, took) = (child.wait().unwrap().code(), begun.elapsed().as_secs_f64());
+        assert_eq!(code, Some(130), "{arguments:?} after {seconds} s");
+        // Under load a process takes longer to go than it waits.
+        assert!(took < 2.0, "{arguments:?} after {seconds} s: {took:.2} s");
+        took
+    };
+    let mut slowest: f64 = 0.0;
+    for seconds in [0.2, 0.7, 1.5, 2.5, 4.0, 6.0] {
+        slowest = slowest.max(after(seconds, &capture));
+    }
+    for seconds in [0.5, 3.0] {
+        slowest = slowest.max(after(seconds, &reference));
+    }
+    slowest = slowest.max(after(0.5, &["probe", "bcsdf"]));
+    println!("ended after at most {slowest:.2} s");
+    let left = names(folder.path());
+    assert!(left.iter().all(|name| name == "cache" || name.starts_with("frame.0")), "{left:?}");
+}
+
 /// The fit is made long enough (256 lights) to be still at work when the signal comes.
 #[cfg(unix)]
 #[test]

@@ -8,7 +8,9 @@ use exr::prelude::{
     WritableImage,
 };
 use glam::DVec3;
-use hairlight::environment::{Environment, Loaded, direction_to_uv, load, uv_to_direction};
+use hairlight::environment::{
+    Environment, LightMeter, Loaded, direction_to_uv, load, uv_to_direction,
+};
 
 fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data")
@@ -480,4 +482,39 @@ fn every_real_map_loads_whole() {
             assert!(close(after, *before, 1e-5), "{}: {mended}", path.display());
         }
     }
+}
+
+#[test]
+fn the_meter_sees_a_sphere_as_the_camera_does() {
+    let map = |light: &dyn Fn(DVec3) -> f32| {
+        let (width, height) = (128, 64);
+        let mut map = Environment { width, height, pixels: Vec::new() };
+        let places = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
+        map.pixels = places.map(|(x, y)| [light(map.pixel_direction(x, y)); 3]).collect();
+        map
+    };
+    let meter = |light: &dyn Fn(DVec3) -> f32| LightMeter::new(&map(light));
+    let eyes = [DVec3::Z, DVec3::NEG_X, DVec3::Y, DVec3::new(0.6, 0.48, -0.64)];
+    let even = meter(&|_| 3.0);
+    for eye in eyes {
+        assert!((even.luminance(eye) - 3.0).abs() < 0.01, "{eye}: {}", even.luminance(eye));
+    }
+    // By hand: under light of 1 from the half around z, a normal at an angle α from z sees (1 + cos α)/2.
+    let half = meter(&|omega| if omega.z > 0.0 { 1.0 } else { 0.0 });
+    let steps = 10_000;
+    let logarithm = |k: usize| {
+        let cosine = (1.0 - (k as f64 + 0.5) / f64::from(steps)).sqrt();
+        (0.5 * (1.0 + cosine)).ln()
+    };
+    let by_hand = ((0..steps as usize).map(logarithm).sum::<f64>() / f64::from(steps)).exp();
+    let by_hand = (by_hand * 0.5).sqrt();
+    let front = half.luminance(DVec3::Z);
+    assert!((front - by_hand).abs() < 0.01, "{front}, by hand {by_hand}");
+    // From behind and from the side less is seen, and never so little that exposure has no bound.
+    let (side, back) = (half.luminance(DVec3::X), half.luminance(DVec3::NEG_Z));
+    assert!(front > 1.15 * side && side > 1.15 * back, "{front} {side} {back}");
+    let lamp = map(&|omega| if omega.z > 0.99 { 1e4 } else { 0.0 });
+    let behind = LightMeter::new(&lamp).luminance(DVec3::NEG_Z) / lamp.mean_radiance()[0];
+    assert!((behind - 0.1f64.sqrt()).abs() < 0.02, "{behind}");
+    assert_eq!(meter(&|_| 0.0).luminance(DVec3::Z), 0.0);
 }

@@ -240,7 +240,8 @@ const FIGURES: &str = "\
     quality.integrals N, quality.lights C, quality.multiple N, quality.negligible N, \
     quality.samples C, quality.skipping N, quality.total N, quality.transmittance N, \
     quality.width_px N, timing.frame_ms N, timing.passes *, timing.setup_ms N, timing.total_ms N, \
-    transport.mean_abs_delta_t 0, transport.mean_delta_t 0, \
+    transport.mean_abs_delta_t 0, transport.mean_delta_t 0, transport.mean_delta_t_lit 0, \
+    transport.weighted_abs_delta_t 0, \
     work.bytes C, work.field_rounds C, work.global_evaluations C, work.head_vertices C, work.lamps C, \
     work.lights C, work.lobes C, \
     work.pairs_asked C, work.pairs_lit C, work.points_shaded C, work.single_evaluations C, \
@@ -288,10 +289,77 @@ fn figures_have_the_documented_names_and_verify_fills_in_transmittance() {
     assert!(shaded > 0 && shaded < plain["hair"]["points"].as_u64().unwrap(), "{shaded}");
 
     let verified = figures(&["--verify"]);
-    assert_eq!(figure_names(&verified), FIGURES.replace("delta_t 0", "delta_t N"));
+    assert_eq!(
+        figure_names(&verified),
+        FIGURES.replace("delta_t 0", "delta_t N").replace("lit 0", "lit N")
+    );
     let error = verified["transport"]["mean_abs_delta_t"].as_f64().unwrap();
     assert!(error > 0.0 && error < 0.2, "{error}");
     assert_eq!(verified["fit"]["cached"], true);
+}
+
+/// DCI 4K is rendered in bands, since its sums fill more than a storage buffer of WebGPU's default limit: pixel by pixel
+/// it is what a frame of half its size shows.
+#[test]
+fn a_frame_of_more_pixels_than_a_buffer_holds_is_rendered_in_bands() {
+    let folder = tempdir().unwrap();
+    let scene = ["--strands", "1000", "--lights", "1", "--scattering", "single"];
+    let frame = |size: &str, samples: &str, name: &str| {
+        let more = ["--size", size, "--samples", samples, "-o", name];
+        captured(folder.path(), &[&scene[..], &more].concat());
+        Linear::read(&folder.path().join(name))
+    };
+    let [width, height] = [1024, 540];
+    let (large, small) =
+        (frame("4096x2160", "4", "large.exr"), frame("1024x540", "64", "small.exr"));
+    // Mean over blocks of 4 × 4 pixels, against a pixel, by rows.
+    let off = |first: usize, last: usize, shift: usize| {
+        let (mut apart, mut all) = (0.0, 0.0);
+        for (large, small) in large.rgba[..3].iter().zip(&small.rgba) {
+            for (y, x) in (first..last).flat_map(|y| (0..width).map(move |x| (y, x))) {
+                let at = |i: usize| large[(4 * y + i / 4) * 4 * width + 4 * x + i % 4];
+                let mean = (0..16).map(at).sum::<f32>() / 16.0;
+                let small = small[((y + shift) % height) * width + x];
+                apart += f64::from((mean - small).powi(2));
+                all += f64::from(small.powi(2));
+            }
+        }
+        (apart / all).sqrt()
+    };
+    // The second band begins at row 2048.
+    for (first, last) in [(0, 512), (512, 540), (505, 519)] {
+        let (same, shifted) = (off(first, last, 0), off(first, last, 2));
+        println!("rows {first} to {last}: {same:.4}, shifted by two {shifted:.4}");
+        assert!(same < 0.03 && shifted > 2.0 * same, "rows {first} to {last}: {same}, {shifted}");
+    }
+}
+
+/// Automatic exposure meters what the camera of the scene sees, once for a turn.
+#[test]
+fn a_turntable_has_one_exposure() {
+    let folder = tempdir().unwrap();
+    // Light from one side.
+    write_rgb_file(folder.path().join("side.exr"), 32, 16, |x, _| {
+        let light = if x < 8 { 4f32 } else { 0.02 };
+        (light, light, light)
+    })
+    .unwrap();
+    let frame = |more: &[&str]| {
+        let scene = ["--env", "side.exr", "--strands", "1000", "--lights", "2", "--size", "32x32"];
+        captured(folder.path(), &[&scene[..], &["--stats", "figures.json"], more].concat());
+        let figures = json(&folder.path().join("figures.json"));
+        figures["image"]["exposure_scale"].as_f64().unwrap()
+    };
+    let still = frame(&["-o", "frame.png"]);
+    let turn = frame(&["-o", "frame.png", "--turntable", "2"]);
+    let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(turn, still);
+    assert_eq!(bytes("frame.png"), bytes("frame.0000.png"));
+    // The control: from behind the light falls on the other side.
+    let behind = frame(&["-o", "behind.png", "--azimuth", "205"]);
+    assert!(behind < 0.7 * still || behind > 1.4 * still, "{behind} and {still}");
+    assert_ne!(bytes("behind.png"), bytes("frame.0001.png"));
+    assert_eq!(frame(&["-o", "frame.png", "--exposure", "1"]), 2.0);
 }
 
 // What must hold of any frame.

@@ -1,10 +1,13 @@
 //! A session keeps what an edit leaves as it was: its pictures are those of a session that begins with the edit.
 
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use hairlight::gpu::shaders::Shaders;
+use hairlight::head::Head;
 use hairlight::live::{Picture, Said, Session, Wish};
 use hairlight::paint::{Channel, Fibres, Paint};
-use hairlight::scene::{Orbit, View};
+use hairlight::scene::{Lens, Orbit, View};
 use hairlight::stage::Geometry;
 
 use crate::editor::small;
@@ -80,6 +83,67 @@ fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
     let mut session = Session::default();
     see(&mut session, &now);
     assert!(light(&see(&mut session, &turned)) > 0);
+}
+
+/// A driver that draws nothing must not pass for a view without hair.
+#[test]
+fn hair_before_the_camera_that_is_not_drawn_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let built_in = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    for entry in std::fs::read_dir(built_in).unwrap().map(Result::unwrap) {
+        if entry.path().is_file() {
+            std::fs::copy(entry.path(), folder.path().join(entry.file_name())).unwrap();
+        }
+    }
+    let raster = folder.path().join("raster.wgsl");
+    let text = std::fs::read_to_string(&raster).unwrap();
+    let blind = text.replace("return encode_seen(HAIR,", "discard; return encode_seen(HAIR,");
+    assert_ne!(text, blind);
+    std::fs::write(&raster, blind).unwrap();
+    let mut wish = Wish::new(small(), [96, 96]);
+    see(&mut Session::default(), &wish);
+    wish.shaders = Some(Arc::new(Shaders::read(folder.path()).unwrap()));
+    let seen = Session::default().see(&wish, &|| true, &|_| {});
+    let error = seen.unwrap_err().to_string();
+    assert!(error.contains("draws none of them"), "{error}");
+    // What is not before the camera is no error.
+    let stage = Geometry::load(&wish.scene).unwrap();
+    let beyond = stage.center.as_dvec3() + 20.0 * f64::from(stage.radius) * glam::DVec3::Z;
+    wish.scene.camera.view = View::Position(beyond.to_array());
+    wish.scene.camera.target = Some((2.0 * beyond).to_array());
+    let notes = Mutex::new(Vec::new());
+    let say = |said: Said| {
+        if let Said::Note(note) = said {
+            notes.lock().unwrap().push(note);
+        }
+    };
+    Session::default().see(&wish, &|| true, &say).unwrap();
+    let notes = notes.into_inner().unwrap();
+    assert!(notes.iter().any(|note| note.contains("no hair is in the frame")), "{notes:?}");
+}
+
+/// What the check of a view without hair rests on.
+#[test]
+fn strands_are_expected_where_the_camera_sees_them() {
+    let scene = small();
+    let stage = Geometry::load(&scene).unwrap();
+    let lens = stage.camera(&scene).unwrap().lens(stage.center, [96, 96]);
+    let expected = stage.expected_samples(&lens, 4);
+    assert!(expected > 1000.0, "{expected}");
+    assert!((stage.expected_samples(&lens, 8) / expected - 2.0).abs() < 1e-9);
+    let away = Lens { forward: -lens.forward, ..lens };
+    assert_eq!(stage.expected_samples(&away, 4), 0.0);
+    // All strands of a head that stands between them and the camera.
+    let mut walled = stage.clone();
+    let [right, up] = [lens.right, lens.up].map(|v| v.as_vec3() * lens.distance as f32);
+    let middle = stage.center + (0.5 * lens.eye).as_vec3();
+    let corner = |x: f32, y: f32| middle + x * right + y * up;
+    walled.head = Some(Head {
+        positions: vec![corner(-1.0, -1.0), corner(3.0, -1.0), corner(-1.0, 3.0)],
+        normals: vec![glam::Vec3::Z; 3],
+        triangles: vec![[0, 1, 2]],
+    });
+    assert_eq!(walled.expected_samples(&lens, 4), 0.0);
 }
 
 #[test]

@@ -400,6 +400,34 @@ impl Fibres {
 }
 
 #[test]
+fn delta_t_counts_lights_that_shine_and_tells_where_light_arrives() {
+    let slab = Fibres::new(400, 600);
+    let strands = RealStrands::new(&slab.stage);
+    let points: Vec<u32> = (0..slab.stage.hair.points.len() as u32).collect();
+    // Along the fibres all light arrives, across them part of it; the brightest light does not shine.
+    let mut lights = [Vec3::X, Vec3::Z, Vec3::NEG_Z, Vec3::Y].map(|to| light(to, 0.02));
+    lights[3].rgb = [0.0; 3];
+    lights[1].rgb = [20.0; 3];
+    let exact = |j: usize, k: usize| strands.transmittance(points[k] as usize, &lights[j], 1024);
+    let of = |off: &(dyn Fn(usize, f64) -> f64 + Sync), points: &[u32]| {
+        strands.delta_t(points, &lights, |j, k| off(j, exact(j, k)), 512).unwrap()
+    };
+    let same = of(&|_, t| t, &points);
+    assert_eq!((same.mean, same.mean_abs, same.weighted_abs), (0.0, 0.0, 0.0));
+    assert_eq!(same.mean_lit, Some(0.0));
+    // A frame that knows nothing of the light that does not shine is as good.
+    assert_eq!(of(&|j, t| if j == 3 { 0.0 } else { t }, &points), same);
+    let darker = of(&|_, t| t - 0.1, &points);
+    assert!((darker.mean + 0.1).abs() < 1e-9 && (darker.mean_abs - 0.1).abs() < 1e-9);
+    assert!((darker.mean_lit.unwrap() + 0.1).abs() < 1e-9);
+    // Light 1 has nearly all energy, but is a third of the lights that shine.
+    let one = of(&|j, t| if j == 1 { t - 0.1 } else { t }, &points);
+    assert!((one.mean + 0.1 / 3.0).abs() < 0.005, "{one:?}");
+    assert!((one.weighted_abs / darker.weighted_abs - 20.0 / 24.0).abs() < 0.1, "{one:?}");
+    assert_eq!(strands.delta_t(&points, &[lights[3]], exact, 512), None);
+}
+
+#[test]
 fn rays_and_volume_find_the_transmittance_of_random_parallel_fibres() {
     let tau = 1.0;
     let fibres = (tau * 8.0 / FIBRE_DIAMETER) as usize;

@@ -6,6 +6,7 @@ use anyhow::{Result, ensure};
 use clap::{Arg, ArgMatches, Command, value_parser};
 
 use super::{print, switch};
+use crate::file::check_outputs;
 use crate::image::{Format, write_png_rgb};
 use crate::measure::compare::{compare, difference_picture};
 use crate::measure::read::Picture;
@@ -36,6 +37,7 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     if let Some(out) = out {
         let png = Format::of(out)? == Format::Png;
         ensure!(png, "{}: the difference is a picture: name it .png", out.display());
+        check_outputs(&[out], &[path("frame"), path("truth")])?;
     }
     let (frame, truth) = (Picture::read(path("frame"))?, Picture::read(path("truth"))?);
     let report = compare(&frame, &truth)?;

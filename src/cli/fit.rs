@@ -1,11 +1,12 @@
 //! `hairlight fit`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow};
 use clap::{Arg, ArgMatches, Command, value_parser};
 
 use super::{flag, print, quiet, reporting, rows};
+use crate::file::check_outputs;
 use crate::progress::Clock;
 use crate::quality::Settings;
 use crate::scene::{Assignment, Scene, Value, field_named};
@@ -53,6 +54,10 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     let level = lights.map(|value| Assignment { field, value: value.clone() });
     scene.apply(level.collect())?;
 
+    let [preview, lights] = ["preview", "output"].map(|name| matches.get_one::<PathBuf>(name));
+    let outputs: Vec<&Path> = [preview, lights].into_iter().flatten().map(|p| &**p).collect();
+    check_outputs(&outputs, &[Path::new(map)])?;
+
     let loaded = load_map(map, &clock)?;
     let wanted = Settings::of(&scene).lights as usize;
     let fit = clock.watch("fitting lights", |progress| {
@@ -60,11 +65,11 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     });
     let fit = fit.with_context(|| map.clone())?;
 
-    if let Some(path) = matches.get_one::<PathBuf>("preview") {
+    if let Some(path) = preview {
         let [width, height] = PREVIEW_SIZE;
         image::write_png_map(path, &srbf::preview(&fit.lights, width, height))?;
     }
-    if let Some(path) = matches.get_one::<PathBuf>("output") {
+    if let Some(path) = lights {
         srbf::write_json(&fit.lights, path)?;
     }
     print(&rows(&fit.figures()))

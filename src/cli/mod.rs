@@ -15,23 +15,28 @@ mod probe;
 mod reference;
 mod view;
 
+use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 
-use crate::progress::Reporting;
+use crate::progress::{Reporting, Unfinished};
 use crate::scene::{Assignment, FIELDS, Field, PRESETS, Scene, Value, parse_assignment};
 
-/// Set by the first Ctrl-C; long work polls it. The second one ends the process at once.
+/// Set by the first Ctrl-C; long work polls it.
 static CANCELLED: AtomicBool = AtomicBool::new(false);
 
 const EXIT_CANCELLED: u8 = 130;
+
+/// Work that does not end by itself so soon after Ctrl-C, such as a pass on the GPU or a library's decoder, is ended.
+const GRACE: Duration = Duration::from_millis(600);
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 wrong input, 2 wrong usage, 130 cancelled.";
 
@@ -57,13 +62,15 @@ const SUBCOMMANDS: [Subcommand; 9] = [
 pub fn main() -> ExitCode {
     quiet_vulkan();
     let mut command = command();
-    let matches = command.get_matches_mut();
-    // Without a handler Ctrl-C still ends the process, so a failure to install it changes little.
-    let _ = ctrlc::set_handler(|| {
-        if CANCELLED.swap(true, Ordering::Relaxed) {
-            std::process::exit(EXIT_CANCELLED.into());
+    let matches = match command.try_get_matches_from_mut(std::env::args_os()) {
+        Ok(matches) => matches,
+        Err(error) if error.kind() == ErrorKind::InvalidUtf8 => {
+            command.error(ErrorKind::InvalidUtf8, not_unicode(std::env::args_os())).exit()
         }
-    });
+        Err(error) => error.exit(),
+    };
+    // Without a handler Ctrl-C still ends the process, so a failure to install it changes little.
+    let _ = ctrlc::set_handler(cancel);
     let (name, matches) = matches.subcommand().expect("clap asks for one of the subcommands");
     let named = |s: &&Subcommand| (s.command)().get_name() == name;
     let subcommand = SUBCOMMANDS.iter().find(named).expect("a subcommand of the list");
@@ -83,6 +90,23 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// What Ctrl-C does: the first one asks the command to end and ends the process after [`GRACE`], once all files that
+/// are being written are whole; the second one ends it at once.
+fn cancel() {
+    let exit = || std::process::exit(EXIT_CANCELLED.into());
+    if CANCELLED.swap(true, Ordering::Relaxed) {
+        exit();
+    }
+    std::thread::spawn(move || {
+        std::thread::sleep(GRACE);
+        while Unfinished::any() {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        eprintln!("cancelled");
+        exit();
+    });
+}
+
 /// Without a session, Mesa's device-select layer looks for a display and complains on stderr; it only
 /// reorders adapters, which `--adapter` does here.
 fn quiet_vulkan() {
@@ -90,6 +114,22 @@ fn quiet_vulkan() {
         // SAFETY: this runs first of all, before any other thread.
         unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
     }
+}
+
+/// What is wrong with the first argument that is not Unicode, with the flag before it.
+fn not_unicode(arguments: impl Iterator<Item = OsString>) -> String {
+    let mut flag = String::new();
+    for argument in arguments {
+        match argument.to_str() {
+            Some(text) if text.starts_with("--") => flag = format!("{text} "),
+            Some(_) => flag.clear(),
+            None => {
+                let shown = argument.to_string_lossy();
+                return format!("`{flag}{shown}` is not valid UTF-8: rename the file");
+            }
+        }
+    }
+    "an argument is not valid UTF-8: rename the file".to_owned()
 }
 
 fn command() -> Command {

@@ -197,7 +197,7 @@ impl LightView {
         }
         let turn = scene.environment.rotation_deg / 360.0;
         let gain = 2f64.powf(scene.environment.exposure) as f32;
-        let scale = exposure_scale(scene, light.mean_radiance) * gain;
+        let scale = exposure_scale(scene, &light.meter, toward.unwrap_or(DVec3::Z)) * gain;
         let left = turn as f32;
         let shown = Rect::from_min_max(egui::pos2(left, 0.0), egui::pos2(left + 1.0, 1.0));
         let texture = self.texture(ui.ctx(), light, scale);

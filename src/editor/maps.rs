@@ -10,8 +10,8 @@ use eframe::egui::{self, Align2, Color32, FontId, Rect, Sense, Stroke, Ui, Vec2}
 
 use super::{desktop, light_view};
 use crate::environment;
+use crate::image::luminance;
 use crate::scene::{Kind, Scene, field_named};
-use crate::stage::exposure_scale;
 
 /// Of a thumbnail, pixels; and of its place with what stands below it, points.
 const THUMBNAIL: usize = 128;
@@ -365,7 +365,8 @@ fn thumbnail(source: &str) -> Result<Thumbnail> {
             false => format!(", {:.1} MB", bytes / 1e6),
         };
     }
-    let scale = exposure_scale(&Scene::default(), map.mean_radiance());
+    let mean = luminance(map.mean_radiance().map(|c| c as f32));
+    let scale = if mean > 0.0 { 1.0 / mean } else { 1.0 };
     let small = map.shrunk(THUMBNAIL);
     Ok(Thumbnail { size, picture: light_view::shown(&small, scale) })
 }

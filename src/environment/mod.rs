@@ -5,6 +5,7 @@
 
 mod builtin;
 mod mend;
+mod meter;
 mod read_exr;
 mod read_hdr;
 
@@ -17,6 +18,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use glam::DVec3;
 
 pub use mend::Mended;
+pub use meter::LightMeter;
 
 /// The largest map that is read: 16384 × 8192, 1.5 GiB of RGB floats.
 pub const MAX_PIXELS: usize = 16384 * 8192;

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
 use super::shaders::Shaders;
 use crate::file::catch_panic;
 
-/// An open device. It asks for wgpu's default limits and no optional feature but timestamps.
+/// An open device: WebGPU's default limits, but for how large buffers and textures may be, which is what the adapter
+/// offers, and no optional feature but timestamps.
 pub struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
@@ -16,6 +17,10 @@ pub struct Gpu {
     pub shaders: Shaders,
     lost: Arc<AtomicBool>,
 }
+
+/// Backends that hair is drawn on. OpenGL's adapters open, but leave the visibility buffer empty: its drivers lack
+/// multisampled integer targets.
+const BACKENDS: wgpu::Backends = wgpu::Backends::PRIMARY;
 
 const INSTALL: &str = "install a Vulkan driver (on Debian and Ubuntu the CPU one is \
                        `apt-get install -y mesa-vulkan-drivers`)";
@@ -28,11 +33,16 @@ impl Gpu {
     }
 
     async fn open(wanted: &str) -> Result<Gpu> {
-        let instance =
-            wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        let mut adapters = instance.enumerate_adapters(wgpu::Backends::all()).await;
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+        descriptor.backends &= BACKENDS;
+        ensure!(
+            !descriptor.backends.is_empty(),
+            "WGPU_BACKEND allows no backend that can draw hair: unset it, or set it to vulkan, metal or dx12"
+        );
+        let backends = descriptor.backends;
+        let mut adapters = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;
         if adapters.is_empty() {
-            bail!("no graphics adapter found: {INSTALL}");
+            bail!("no Vulkan, Metal or Direct3D 12 adapter found (OpenGL does not do): {INSTALL}");
         }
         adapters.sort_by_key(|a| preference(a.get_info().device_type));
         let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
@@ -53,7 +63,7 @@ impl Gpu {
             .request_device(&wgpu::DeviceDescriptor {
                 label: Some("hairlight"),
                 required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-                required_limits: wgpu::Limits::default(),
+                required_limits: limits(adapter.limits()),
                 ..Default::default()
             })
             .await
@@ -97,6 +107,16 @@ impl Gpu {
         let view =
             staging.slice(..).get_mapped_range().context("a buffer could not be read back")?;
         Ok(bytemuck::cast_slice(&view).to_vec())
+    }
+}
+
+/// WebGPU's default limits, but for the sizes that grooms and pictures need, as the adapter offers them.
+fn limits(offered: wgpu::Limits) -> wgpu::Limits {
+    wgpu::Limits {
+        max_buffer_size: offered.max_buffer_size,
+        max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
+        max_texture_dimension_2d: offered.max_texture_dimension_2d,
+        ..wgpu::Limits::default()
     }
 }
 

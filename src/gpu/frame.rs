@@ -112,6 +112,10 @@ pub struct Sight {
 /// quarter under sunset, 0.06 % for 45 % under night. 1e-2 would leave out 1.0, 0.4 and 0.8 % for 61, 48 and 71 %.
 pub const NEGLIGIBLE: f64 = 1e-3;
 
+/// Pixels of a frame that are rendered at a time, in bands of whole rows: a band's sums fill a storage buffer of
+/// WebGPU's default limit, 128 MiB, and its visibility buffer takes 0.4 GiB.
+const BAND_PIXELS: u32 = 8 << 20;
+
 /// Points that are shaded between two looks at whether to go on: 0.1 s on two cores.
 const POINTS_A_LOOK: u32 = 4096;
 
@@ -234,10 +238,13 @@ impl Renderer {
         let center = stage.center;
         let points = hair.points.len() as u32;
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
+        let row = u64::from(gpu.device.limits().max_texture_dimension_2d) * POINTS_A_ROW as u64;
+        let most = (limit / 32).min(row);
         ensure!(
-            32 * u64::from(points) <= limit,
-            "{points} hair points are more than this adapter's buffers hold ({} at most): use fewer strands",
-            limit / 32
+            u64::from(points) <= most,
+            "{points} hair points are more than the adapter `{}` can hold, {most}: use fewer strands or points, or \
+             another adapter",
+            gpu.info.name
         );
         let segments: Vec<u32> = hair
             .strands()
@@ -335,7 +342,9 @@ impl Renderer {
             |first: usize| self.strand_of[first].is_multiple_of(self.thinning) && keep(first);
         self.drawn =
             self.every_segment.iter().copied().filter(|&first| there(first as usize)).collect();
-        self.pieces = pieces;
+        let most = self.gpu.device.limits().max_buffer_size / Ribbons::BYTES_PER_PIECE;
+        let most = most / self.drawn.len().max(1) as u64;
+        self.pieces = pieces.min(most as u32).max(1);
         self.ribbons = None;
     }
 
@@ -367,10 +376,10 @@ impl Renderer {
         let (work, sampling) = self.begin(size, samples)?;
         let mark = self.mark_groups(&work);
         let mut timer = PassTimer::new(&self.gpu);
-        for lens in lenses {
+        for lens in lenses.iter().flat_map(bands) {
             for pass in 0..sampling.passes {
                 let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-                let view = self.view(lens, Background::Transparent, sampling, pass);
+                let view = self.view(&lens, Background::Transparent, sampling, pass);
                 self.find(&mut encoder, &mut timer, &work, &mark, &view);
                 self.gpu.queue.submit([encoder.finish()]);
             }
@@ -379,7 +388,15 @@ impl Renderer {
     }
 
     /// What is seen through `lens`, segments in `pieces` straight pieces (`hair::pieces`).
+    ///
+    /// # Errors
+    /// One line: more than [`BAND_PIXELS`] pixels, of which what is seen is not kept.
     pub fn look(&mut self, lens: &Lens, pieces: u32, samples: u32) -> Result<Sight> {
+        let [width, height] = lens.size;
+        ensure!(
+            bands(lens).count() == 1,
+            "a view of {width}x{height} pixels is more than {BAND_PIXELS}: choose a smaller one"
+        );
         let (work, sampling, timer) = self.look_through(&[*lens], pieces, samples)?;
         let (points, passes) = (work.listed(&self.gpu)?, timer.read(&self.gpu)?);
         Ok(Sight { lens: *lens, sampling, work, points, passes })
@@ -630,25 +647,33 @@ impl Renderer {
         let shading = self.shading(parts, false);
         let shade = self.shading_groups(&self.shading[shading], lens, parts, &work);
         let mut timer = PassTimer::new(&self.gpu);
-        for pass in 0..sampling.passes {
+        let (mut pixels, mut hair_coverage) = (Vec::new(), Vec::new());
+        for band in bands(lens) {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            let view = self.view(lens, background, sampling, pass);
-            self.find(&mut encoder, &mut timer, &work, &mark, &view);
-            self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, Dispatch::Planned);
-            {
-                let mut compute = begin(&mut encoder, "end", None);
-                compute.set_pipeline(&self.fixed.end);
-                compute.set_bind_group(0, &end, &[]);
-                compute.dispatch_workgroups(1, 1, 1);
+            encoder.clear_buffer(&work.sum, 0, None);
+            encoder.clear_buffer(&work.hair_sum, 0, None);
+            for pass in 0..sampling.passes {
+                let view = self.view(&band, background, sampling, pass);
+                self.find(&mut encoder, &mut timer, &work, &mark, &view);
+                let points = Dispatch::Planned;
+                self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, points);
+                {
+                    let mut compute = begin(&mut encoder, "end", None);
+                    compute.set_pipeline(&self.fixed.end);
+                    compute.set_bind_group(0, &end, &[]);
+                    compute.dispatch_workgroups(1, 1, 1);
+                }
+                self.resolve(&mut encoder, &mut timer, &work, &view);
+                if pass + 1 == sampling.passes {
+                    self.backdrop(&mut encoder, &mut timer, &work, &view);
+                }
+                self.gpu.queue.submit([encoder.finish()]);
+                encoder = self.gpu.device.create_command_encoder(&Default::default());
             }
-            self.resolve(&mut encoder, &mut timer, &work, &view);
-            if pass + 1 == sampling.passes {
-                self.backdrop(&mut encoder, &mut timer, &work, &view);
-            }
-            self.gpu.queue.submit([encoder.finish()]);
+            let there = band.size.iter().product::<u32>() as usize;
+            pixels.extend_from_slice(&self.gpu.read(&work.sum)?[..there]);
+            hair_coverage.extend_from_slice(&self.gpu.read(&work.hair_sum)?[..there]);
         }
-        let pixels = self.gpu.read(&work.sum)?;
-        let hair_coverage = self.gpu.read(&work.hair_sum)?;
         let shaded = work.listed(&self.gpu)?;
         let passes = timer.read(&self.gpu)?;
         Ok(Frame { size, pixels, hair_coverage, shaded, passes })
@@ -660,12 +685,12 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         timer: &mut PassTimer,
         work: &Work,
-        view: &wgpu::Buffer,
+        view: &PassView,
     ) {
         let resolve = self.bind_at(
             &self.fixed.resolve,
             &[
-                buffer(0, view),
+                buffer(0, &view.uniform),
                 texture(1, &work.visibility),
                 buffer(2, &work.radiance),
                 buffer(3, &self.head_radiance),
@@ -683,11 +708,11 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         timer: &mut PassTimer,
         work: &Work,
-        view: &wgpu::Buffer,
+        view: &PassView,
     ) {
         let backdrop = self.bind_at(
             &self.fixed.backdrop,
-            &[buffer(0, view), texture(5, &self.environment), buffer(6, &work.sum)],
+            &[buffer(0, &view.uniform), texture(5, &self.environment), buffer(6, &work.sum)],
         );
         self.over_pixels(encoder, timer, work, "backdrop", (&self.fixed.backdrop, &backdrop));
     }
@@ -715,9 +740,11 @@ impl Renderer {
         let shading = self.shading(parts, true);
         let shade = self.shading_groups(&self.shading[shading], lens, parts, &work);
         let mut timer = PassTimer::new(&self.gpu);
-        for pass in 0..sampling.passes {
+        let passes =
+            bands(lens).flat_map(|band| (0..sampling.passes).map(move |pass| (band, pass)));
+        for (band, pass) in passes {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            let view = self.view(lens, Background::Transparent, sampling, pass);
+            let view = self.view(&band, Background::Transparent, sampling, pass);
             self.find(&mut encoder, &mut timer, &work, &mark, &view);
             self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, Dispatch::Planned);
             let mut compute = begin(&mut encoder, "end", None);
@@ -744,19 +771,18 @@ impl Renderer {
         tables as u64 + self.lights.size() + field + reach + (32 + 4) * u64::from(self.slot_count)
     }
 
-    /// Checks the size against the adapter and makes the buffers of a frame.
+    /// Checks the size against the adapter and makes the buffers of a frame's tallest band.
     fn begin(&mut self, size: [u32; 2], samples: u32) -> Result<(Work, Sampling)> {
-        let limits = self.gpu.device.limits();
-        let most = limits.max_storage_buffer_binding_size / 16;
-        let edge = limits.max_texture_dimension_2d;
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let edge = self.gpu.device.limits().max_texture_dimension_2d;
+        let [width, height] = size;
         ensure!(
-            pixels <= most && size.iter().all(|&s| s <= edge),
-            "a frame of {}x{} is more than this adapter holds ({edge} a side, {most} pixels): choose a smaller size",
-            size[0],
-            size[1]
+            width.max(height) <= edge,
+            "a frame of {width}x{height} is more than the adapter `{}` can hold, {edge} pixels a side: choose a \
+             smaller size, or another adapter",
+            self.gpu.info.name
         );
-        let sampling = Sampling::new(samples, pixels, size, edge);
+        let size = [width, band_rows(size)];
+        let sampling = Sampling::new(samples, size, edge);
         self.make_ribbons();
         Ok((Work::new(&self.gpu.device, self.points, size, sampling.grid), sampling))
     }
@@ -768,7 +794,7 @@ impl Renderer {
         timer: &mut PassTimer,
         work: &Work,
         [mark, plan]: &[wgpu::BindGroup; 2],
-        view: &wgpu::Buffer,
+        view: &PassView,
     ) {
         self.raster(encoder, timer.render("raster"), work, view);
         let mut compute = begin(encoder, "mark", timer.compute("mark"));
@@ -860,7 +886,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites>,
         work: &Work,
-        view: &wgpu::Buffer,
+        view: &PassView,
     ) {
         let device = &self.gpu.device;
         let mut raster = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -885,12 +911,14 @@ impl Renderer {
             timestamp_writes,
             ..Default::default()
         });
+        let [width, height] = view.texels.map(|side| side as f32);
+        raster.set_viewport(0.0, 0.0, width, height, 0.0, 1.0);
         if self.head_corner_count > 0 {
             let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("head"),
                 layout: &self.fixed.head.get_bind_group_layout(0),
                 entries: &[
-                    buffer(0, view),
+                    buffer(0, &view.uniform),
                     buffer(3, &self.head_positions),
                     buffer(4, &self.head_corners),
                 ],
@@ -901,7 +929,8 @@ impl Renderer {
         }
         if let Some(ribbons) = self.ribbons.as_ref().filter(|ribbons| ribbons.count > 0) {
             let layout = self.fixed.hair.get_bind_group_layout(0);
-            let group = bind(device, &layout, &[view, &self.strand_points, &ribbons.segments]);
+            let group =
+                bind(device, &layout, &[&view.uniform, &self.strand_points, &ribbons.segments]);
             raster.set_pipeline(&self.fixed.hair);
             raster.set_bind_group(0, &group, &[]);
             raster.set_index_buffer(ribbons.indices.slice(..), wgpu::IndexFormat::Uint32);
@@ -909,21 +938,13 @@ impl Renderer {
         }
     }
 
-    fn view(
-        &self,
-        lens: &Lens,
-        background: Background,
-        sampling: Sampling,
-        pass: u32,
-    ) -> wgpu::Buffer {
+    fn view(&self, lens: &Lens, background: Background, sampling: Sampling, pass: u32) -> PassView {
         let size = lens.size;
         let [width, height] = size.map(|s| s as f32);
         let shift = 2.0 * jitter(pass, sampling) / Vec2::new(width, height);
         let eye = lens.eye.as_vec3();
         let row = |axis: DVec3| axis.as_vec3().extend(-axis.dot(lens.eye) as f32);
-        let x = row(lens.right / lens.right.length_squared());
-        let y = row(lens.up / lens.up.length_squared());
-        let w = row(lens.forward);
+        let [x, y, w] = lens.image_axes().map(row);
         // Infinite reversed depth: near / distance. The image moves against the jitter, y up in clip space and
         // down in pixels.
         let near = 1e-3 * lens.distance.max(1e-6) as f32;
@@ -949,8 +970,27 @@ impl Renderer {
             grid: sampling.grid,
             widened: self.thinning as f32,
         };
-        uniform_buffer(&self.gpu.device, "view", bytemuck::bytes_of(&uniform))
+        let uniform = uniform_buffer(&self.gpu.device, "view", bytemuck::bytes_of(&uniform));
+        PassView { uniform, texels: size.map(|side| sampling.grid * side) }
     }
+}
+
+/// The camera of one pass.
+struct PassView {
+    uniform: wgpu::Buffer,
+    /// Width and height of its image in the visibility buffer.
+    texels: [u32; 2],
+}
+
+/// Rows of a frame's bands but the last.
+fn band_rows([width, height]: [u32; 2]) -> u32 {
+    (BAND_PIXELS / width.max(1)).clamp(1, height.max(1))
+}
+
+/// The bands of a frame from its top, as lenses of their own.
+fn bands(lens: &Lens) -> impl Iterator<Item = Lens> + use<> {
+    let (lens, height, rows) = (*lens, lens.size[1], band_rows(lens.size));
+    (0..height).step_by(rows as usize).map(move |first| lens.rows(first..height.min(first + rows)))
 }
 
 /// Segments as triangles, for one number of pieces a segment.
@@ -962,6 +1002,9 @@ struct Ribbons {
 }
 
 impl Ribbons {
+    /// Of `indices`, for a straight piece: two triangles.
+    const BYTES_PER_PIECE: u64 = 24;
+
     fn new(device: &wgpu::Device, segments: &[u32], pieces: u32) -> Ribbons {
         let quad = |first: u32| [first, first + 1, first + 2, first + 2, first + 1, first + 3];
         let indices: Vec<u32> = (0..segments.len() as u32)
@@ -1056,7 +1099,8 @@ struct Sampling {
 impl Sampling {
     /// A pass costs as much for its vertices as for its samples, so sixteen samples are best taken at once,
     /// as long as the visibility buffer (48 bytes a texel) stays within 256 MiB.
-    fn new(samples: u32, pixels: u64, size: [u32; 2], edge: u32) -> Sampling {
+    fn new(samples: u32, size: [u32; 2], edge: u32) -> Sampling {
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
         let fits = 4 * 48 * pixels <= 256 << 20 && size.iter().all(|&s| 2 * s <= edge);
         let grid = if samples >= 4 * SAMPLES_PER_TEXEL && fits { 2 } else { 1 };
         Sampling { grid, passes: samples.div_ceil(grid * grid * SAMPLES_PER_TEXEL).max(1) }

@@ -143,7 +143,7 @@ pub(super) fn volume_texture(
 }
 
 /// Points in a row of a texture that holds something of each.
-const POINTS_A_ROW: usize = 4096;
+pub(super) const POINTS_A_ROW: usize = 4096;
 
 /// A texture of 16 bytes a point, row by row.
 pub(super) fn point_texture(gpu: &Gpu, points: &[PointFibre]) -> wgpu::TextureView {

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 
 use anyhow::{Result, anyhow};
 
-use crate::environment::{self, Environment, Loaded};
+use crate::environment::{self, Environment, LightMeter, Loaded};
 use crate::quality::Settings;
 use crate::scene::Scene;
 use crate::srbf::{self, Fit, SrbfLight, lobe_integral};
@@ -24,6 +24,7 @@ pub struct Light {
     pub map: Arc<Loaded>,
     /// Of the map over the sphere.
     pub mean_radiance: [f64; 3],
+    pub meter: LightMeter,
     pub fit: Fit,
     /// For the eye, not turned: the map and the radiance of its lights, both in one size of at most 512 a side. Lights
     /// narrower than a pixel are widened to one, with their energy.
@@ -68,7 +69,8 @@ impl Light {
             .collect();
         let lights = srbf::preview(&widened, small.width, small.height);
         let mean_radiance = map.environment.mean_radiance();
-        Ok(Light { source, wanted, map, mean_radiance, fit, seen: [small, lights] })
+        let meter = LightMeter::new(&map.environment);
+        Ok(Light { source, wanted, map, mean_radiance, meter, fit, seen: [small, lights] })
     }
 }
 

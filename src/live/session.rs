@@ -10,7 +10,7 @@ use anyhow::{Result, bail};
 
 use super::light::Coming;
 use super::{Figures, Light, Picture, Said, Wish, same, unexposed};
-use crate::capture::{background, parts};
+use crate::capture::{background, nothing_seen, parts};
 use crate::field::Field;
 use crate::file::catch_panic;
 use crate::gpu::Gpu;
@@ -562,7 +562,14 @@ impl Session {
         let (lens, samples) = from;
         let sight = match known {
             Some(sight) => sight.it,
-            None => Arc::new(renderer.look(&lens, stage.pieces(&lens), samples)?),
+            None => {
+                let sight = renderer.look(&lens, stage.pieces(&lens), samples)?;
+                if sight.points.is_empty() {
+                    let adapter = &renderer.gpu.info.name;
+                    say(Said::Note(nothing_seen(stage, &lens, samples, adapter)?));
+                }
+                Arc::new(sight)
+            }
         };
         let seen_ms = ms_since(begun);
         let begun_light = Instant::now();
@@ -680,7 +687,7 @@ impl Session {
         }
         let scene = &wish.scene;
         let gain = 2f64.powf(scene.environment.exposure) as f32;
-        let scale = exposure_scale(scene, light.mean_radiance) * gain;
+        let scale = exposure_scale(scene, &light.meter, -lens.forward) * gain;
         let rgba = display_bytes(&frame.pixels, scale);
         let lens = Lens { size: frame.size, ..*lens };
         let (size, finished) = (frame.size, figures.is_some());

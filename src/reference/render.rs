@@ -4,7 +4,7 @@
 //! in a captured frame, it holds `variance.R`, `.G`, `.B` (of each pixel's mean), and as attributes the number
 //! of samples and what they are samples of.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -16,11 +16,12 @@ use super::tracer::light::Light;
 use super::tracer::skin::Skin;
 use super::tracer::strands::Strands;
 use super::tracer::{Sampling, TraceScene, trace};
-use crate::environment::Environment;
+use crate::environment::{Environment, LightMeter};
+use crate::file::check_outputs;
 use crate::image::{Format, write_display, write_exr};
 use crate::measure::read::read_image;
 use crate::paint::Fibres;
-use crate::progress::{Clock, Reporting};
+use crate::progress::{Clock, Reporting, Unfinished};
 use crate::quality::Settings;
 use crate::scene::{Background, Lens, Scene};
 use crate::srbf;
@@ -65,6 +66,8 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
         "{}: only an .exr picture holds what --resume goes on with",
         path.display()
     );
+    let inputs = scene.files();
+    check_outputs(&[path], &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let mut clock = Clock::new(options.reporting);
     let stage = Geometry::load(scene)?;
     stage.notes.iter().for_each(|line| clock.note(line));
@@ -107,6 +110,8 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     };
     clock.step("build")?;
 
+    // Samples that are there when it is cancelled are kept.
+    let _unfinished = Unfinished::new();
     let (begun, had) = (Instant::now(), film.segments);
     let finished =
         clock.watch("path tracing", |progress| trace(&traced, &mut film, options.spp, progress))?;
@@ -120,7 +125,7 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
                 path,
                 film.size,
                 &shot.composed(&film),
-                exposure_scale(scene, map.mean_radiance()),
+                exposure_scale(scene, &LightMeter::new(&map), -lens.forward),
             )?;
         }
         _ => {}

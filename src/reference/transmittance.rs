@@ -31,14 +31,23 @@ pub struct RealStrands<'a> {
     skin: Option<Skin<'a>>,
 }
 
-/// How the transmittances of a frame differ from the exact ones.
+/// How the transmittances of a frame differ from the exact ones: ΔT̃ = T̃ of the frame − T̃ by rays, over pairs of a
+/// seen point and a light that shines. Above 0 the frame is too bright.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeltaT {
-    /// Mean |ΔT̃|.
-    pub mean_abs: f64,
-    /// Mean ΔT̃: above 0 where a frame is too bright.
+    /// Mean ΔT̃; all lights count alike.
     pub mean: f64,
+    /// Mean |ΔT̃|; all lights count alike.
+    pub mean_abs: f64,
+    /// Mean |ΔT̃| over mean T̃, each light weighted by its energy.
+    pub weighted_abs: f64,
+    /// Mean ΔT̃ where light arrives, that is, over pairs of an exact T̃ above [`LIT`], each light weighted by its
+    /// energy; None where there is no such pair.
+    pub mean_lit: Option<f64>,
 }
+
+/// A pair is lit if its exact T̃ is above this.
+const LIT: f64 = 0.7;
 
 impl<'a> RealStrands<'a> {
     pub fn new(stage: &'a Geometry) -> Self {
@@ -147,27 +156,51 @@ impl<'a> RealStrands<'a> {
         (sum / rays.len() as f64).to_array()
     }
 
-    /// ΔT̃ over up to `pairs` pairs of a point and a light, drawn evenly: `reach[j][k]` is what
-    /// [`crate::transport::transport`] gave for light j at point `points[k]`; lights in the world frame.
+    /// ΔT̃ over `pairs` pairs of a point and a light that shines: `t[j][k]` is the frame's T̃ of light j (world frame)
+    /// at strand point `points[k]`. None where nothing is seen or shines.
+    ///
+    /// Which pairs are drawn depends on points and lights alone, not on their order: places evenly along the points,
+    /// and lights by a golden-ratio sequence, half of them evenly and half by energy. Each pair is weighted by what
+    /// its light's chance was, so that figures of different releases compare.
     pub fn delta_t(
         &self,
         points: &[u32],
         lights: &[SrbfLight],
-        reach: &[&[u32]],
+        t: impl Fn(usize, usize) -> f64 + Sync,
         pairs: usize,
-    ) -> DeltaT {
-        let count = pairs.min(points.len() * lights.len());
-        let deltas: Vec<f64> = (0..count)
-            .into_par_iter()
-            .map(|pair| {
-                let k = (pair as u64 * points.len() as u64 / count as u64) as usize;
-                // A multiplicative hash, so that neighbours along a strand meet different lights.
-                let j = (((pair as u64 * 2_654_435_761) >> 16) % lights.len() as u64) as usize;
-                let exact = self.transmittance(points[k] as usize, &lights[j], RAYS);
-                f64::from(Reach::unpack(reach[j][k]).direct) - exact
-            })
-            .collect();
-        let mean = |of: fn(&f64) -> f64| deltas.iter().map(of).sum::<f64>() / count.max(1) as f64;
-        DeltaT { mean_abs: mean(|d| d.abs()), mean: mean(|d| *d) }
+    ) -> Option<DeltaT> {
+        let energies: Vec<f64> = lights.iter().map(|l| l.energy().iter().sum()).collect();
+        let mut shining: Vec<usize> = (0..lights.len()).filter(|&j| energies[j] > 0.0).collect();
+        shining.sort_by(|&a, &b| energies[b].total_cmp(&energies[a]));
+        let mut order: Vec<usize> = (0..points.len()).collect();
+        order.sort_unstable_by_key(|&k| points[k]);
+        let whole: f64 = energies.iter().sum();
+        let even = 1.0 / shining.len() as f64;
+        let chance = |j: usize| 0.5 * even + 0.5 * energies[j] / whole;
+        if shining.is_empty() || points.is_empty() {
+            return None;
+        }
+        let drawn = (0..pairs).into_par_iter().map(|pair| {
+            let k = order[pair * points.len() / pairs];
+            let mut left = (pair as f64 * 0.5 * (5f64.sqrt() - 1.0)).fract();
+            let drawn = shining.iter().copied().find(|&j| {
+                left -= chance(j);
+                left < 0.0
+            });
+            let j = drawn.unwrap_or(shining[shining.len() - 1]);
+            let exact = self.transmittance(points[k] as usize, &lights[j], RAYS);
+            (exact, t(j, k) - exact, even / chance(j), energies[j] / chance(j))
+        });
+        let drawn: Vec<(f64, f64, f64, f64)> = drawn.collect();
+        let sum = |of: fn(&(f64, f64, f64, f64)) -> f64| drawn.iter().map(of).sum::<f64>();
+        let alike = sum(|d| d.2);
+        let lit = sum(|d| if d.0 > LIT { d.3 } else { 0.0 });
+        let lit_delta = sum(|d| if d.0 > LIT { d.3 * d.1 } else { 0.0 });
+        Some(DeltaT {
+            mean: sum(|d| d.2 * d.1) / alike,
+            mean_abs: sum(|d| d.2 * d.1.abs()) / alike,
+            weighted_abs: sum(|d| d.3 * d.1.abs()) / sum(|d| d.3 * d.0).max(f64::MIN_POSITIVE),
+            mean_lit: (lit > 0.0).then_some(lit_delta / lit),
+        })
     }
 }

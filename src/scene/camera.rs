@@ -1,7 +1,9 @@
 //! The camera: fixed in the world, or in orbit around the fitted hair.
 
+use std::ops::Range;
+
 use anyhow::{Result, bail};
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 
 /// Share of the frame that the fitted hair takes, of the height or width, whichever binds.
 const FILL: f64 = 0.85;
@@ -47,12 +49,11 @@ pub struct Camera {
 }
 
 /// A camera as rays see it: the point (x, y) of the image, both in [−1, 1] with y up, looks along
-/// forward + x·right + y·up.
+/// forward + x·right + y·up. Of a camera's whole image these are at right angles and forward a unit vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Relative to a chosen centre, as the geometry is that it looks at.
     pub eye: DVec3,
-    /// Unit vector.
     pub forward: DVec3,
     /// Half the image's width at unit distance.
     pub right: DVec3,
@@ -150,6 +151,27 @@ impl Camera {
 }
 
 impl Lens {
+    /// Some rows of the image, from the top, as an image of their own.
+    pub fn rows(&self, rows: Range<u32>) -> Lens {
+        let [width, height] = self.size;
+        let [first, end] = [rows.start, rows.end].map(f64::from);
+        let middle = 1.0 - (first + end) / f64::from(height);
+        let count = rows.end - rows.start;
+        Lens {
+            forward: self.forward + middle * self.up,
+            up: self.up * (f64::from(count) / f64::from(height)),
+            size: [width, count],
+            ..*self
+        }
+    }
+
+    /// Vectors whose products with a place relative to the eye are x·w, y·w and w, where (x, y) is the point of the
+    /// image that sees it and w its depth. Inverse of [`Self::direction`].
+    pub fn image_axes(&self) -> [DVec3; 3] {
+        let inverse = DMat3::from_cols(self.right, self.up, self.forward).inverse().transpose();
+        [inverse.x_axis, inverse.y_axis, inverse.z_axis]
+    }
+
     /// Pixels that a unit length at unit distance spans.
     pub fn pixels_per_unit(&self) -> f64 {
         0.5 * f64::from(self.size[1]) / self.up.length()

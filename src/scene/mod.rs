@@ -21,7 +21,7 @@ pub use preset::{PRESETS, Preset};
 pub use table::FIELDS;
 pub use target::Target;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use field::choice;
@@ -331,6 +331,19 @@ impl Scene {
             text += &format!("{setting:<32} # {} ({})\n", field.help, field.expects());
         }
         text
+    }
+
+    /// The files that the scene is made from.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let file = |field: &Field| match (field.kind, field.get(self)) {
+            (Kind::Source { words, .. }, Some(Value::Text(text)))
+                if !text.starts_with("builtin:") && !words.contains(&text.as_str()) =>
+            {
+                Some(PathBuf::from(text))
+            }
+            _ => None,
+        };
+        FIELDS.iter().filter_map(file).collect()
     }
 
     /// What the head is made from: `builtin` or a path; `None` where there is no head. `auto` puts
