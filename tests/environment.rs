@@ -74,7 +74,7 @@ fn the_mapping_is_an_inverse_pair_that_looks_where_the_convention_says() {
 #[test]
 fn solid_angles_sum_to_the_sphere_at_every_size() {
     for (width, height) in [(1, 1), (2, 1), (255, 127), (64, 128), (4096, 1), (1024, 512)] {
-        let map = Environment { width, height, pixels: vec![[0.25, 0.5, 1.0]; width * height] };
+        let map = Environment::new(width, height, vec![[0.25, 0.5, 1.0]; width * height]);
         let sum: f64 = (0..height).map(|row| map.solid_angle(row) * width as f64).sum();
         assert!(close(sum, 4.0 * PI, 1e-12), "{width} × {height}: {sum}");
         let mean = map.mean_radiance();
@@ -87,7 +87,7 @@ fn radiance_is_bilinear_wraps_around_and_holds_at_the_poles() {
     let (width, height) = (8, 4);
     let pixels =
         (0..width * height).map(|i| [(i % width) as f32, (i / width) as f32, 1.0]).collect();
-    let map = Environment { width, height, pixels };
+    let map = Environment::new(width, height, pixels);
     for (column, row) in [(0, 0), (3, 2), (7, 3)] {
         let got = map.radiance(map.pixel_direction(column, row));
         assert!(
@@ -107,7 +107,7 @@ fn the_hash_tells_content_and_shape_apart() {
     let map = load("builtin:studio").unwrap().environment;
     let mut nudged = map.clone();
     nudged.pixels[77][1] += 1e-3;
-    let turned = Environment { width: map.height, height: map.width, pixels: map.pixels.clone() };
+    let turned = Environment::new(map.height, map.width, map.pixels.clone());
     assert_eq!(map.content_hash(), load("builtin:studio").unwrap().environment.content_hash());
     assert_ne!(map.content_hash(), nudged.content_hash());
     assert_ne!(map.content_hash(), turned.content_hash());

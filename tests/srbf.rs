@@ -10,7 +10,7 @@ use hairlight::srbf::{
 };
 
 fn map_of(width: usize, height: usize, radiance: impl Fn(DVec3) -> [f64; 3]) -> Environment {
-    let mut env = Environment { width, height, pixels: Vec::with_capacity(width * height) };
+    let mut env = Environment::new(width, height, Vec::with_capacity(width * height));
     for row in 0..height {
         for column in 0..width {
             let rgb = radiance(env.pixel_direction(column, row));
@@ -102,7 +102,7 @@ fn a_sun_beside_a_sky_keeps_both() {
     let sun_radius = 0.25f64.to_radians();
     let sun_energy = [60.0, 50.0, 40.0];
     let mut shares = vec![0.0; env.pixels.len()];
-    let fine = Environment { width: 16 * 1024, height: 16 * 512, pixels: Vec::new() };
+    let fine = Environment::new(16 * 1024, 16 * 512, Vec::new());
     for row in 0..fine.height {
         let polar = (row as f64 + 0.5) / fine.height as f64 * std::f64::consts::PI;
         if (polar - sun_direction.y.acos()).abs() > 2.0 * sun_radius {

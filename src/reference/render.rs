@@ -8,7 +8,6 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use exr::meta::attribute::{AttributeValue, Text};
 
 use super::Models;
 use super::tracer::film::Film;
@@ -17,8 +16,9 @@ use super::tracer::skin::Skin;
 use super::tracer::strands::Strands;
 use super::tracer::{Sampling, TraceScene, trace};
 use crate::environment::Environment;
-use crate::image::{Format, write_display, write_exr};
-use crate::measure::read::read_image;
+use crate::file::read_picture_bytes;
+use crate::image::{Format, write_display};
+use crate::openexr::{self, ExrFile};
 use crate::paint::Fibres;
 use crate::progress::{Clock, Reporting};
 use crate::quality::Settings;
@@ -68,7 +68,7 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let stage = Geometry::load(scene)?;
     stage.notes.iter().for_each(|line| clock.note(line));
-    let map = load_map(&scene.environment.source, &clock)?.environment;
+    let map = load_map(&scene.environment, &clock)?.environment;
     let lens = stage.camera(scene)?.lens(stage.center, scene.output.size);
     let pieces = stage.pieces(&lens);
     let rotation = scene.environment.rotation_deg.to_radians();
@@ -231,7 +231,7 @@ impl Shot<'_> {
             (SEGMENTS, film.segments.to_string()),
             (IDENTITY, identity.to_owned()),
         ];
-        write_exr(path, film.size, channels, &attributes)
+        openexr::write(path, film.size, channels, &attributes)
     }
 }
 
@@ -244,12 +244,10 @@ fn resume(
     identity: &str,
 ) -> Result<Film> {
     let attempt = || -> Result<Film> {
-        let image = read_image(path)?;
-        let layer = image.layer_data.first().context("it holds no picture")?;
-        let text = |name: &str| match layer.attributes.other.get(&Text::from(name)) {
-            Some(AttributeValue::Text(text)) => Some(text.to_string()),
-            _ => None,
-        };
+        let bytes = read_picture_bytes(path)?;
+        ensure!(bytes.starts_with(&openexr::MAGIC), "it is no EXR file");
+        let file = ExrFile::open(&bytes)?;
+        let text = |name: &str| file.text(0, name);
         let count = |name: &str| text(name).and_then(|n| n.parse::<u64>().ok());
         let (Some(samples), Some(segments), Some(found)) =
             (count(SAMPLES), count(SEGMENTS), text(IDENTITY))
@@ -260,34 +258,34 @@ fn resume(
             found == identity && (1..=1 << 24).contains(&samples),
             "it shows another scene, or was made with other options"
         );
-        let plane = |name: &str| -> Result<Vec<f32>> {
-            let mut channels = layer.channel_data.list.iter();
-            let channel = channels.find(|c| c.name.eq(name));
-            let values: Vec<f32> = channel
-                .with_context(|| format!("it has no {name}"))?
-                .sample_data
-                .values_as_f32()
-                .collect();
-            ensure!(values.iter().all(|v| v.is_finite()), "{name} has values that are not finite");
-            Ok(values)
-        };
-        let [r, g, b] = [plane("R")?, plane("G")?, plane("B")?];
-        let [hair, covered] = [plane("hair")?, plane("covered")?];
-        let variance = [plane("variance.R")?, plane("variance.G")?, plane("variance.B")?];
+        let names = ["R", "G", "B", "hair", "covered", "variance.R", "variance.G", "variance.B"];
+        let channels = names.map(|name| file.channel(0, name));
+        for (name, channel) in names.iter().zip(channels) {
+            ensure!(channel.is_some(), "it has no {name}");
+        }
+        let planes = file.pixels(0, channels)?;
+        for (k, name) in names.iter().enumerate() {
+            let finite = planes.pixels.iter().all(|pixel| pixel[k].is_finite());
+            ensure!(finite, "{name} has values that are not finite");
+        }
         let mut film = Film::new(scene.output.size);
-        ensure!(film.pixels.len() == r.len(), "its size is another");
+        ensure!(
+            [planes.width, planes.height] == film.size.map(|n| n as usize),
+            "its size is another"
+        );
         (film.samples, film.segments) = (samples as u32, segments);
         let (n, shot) = (samples as f64, Shot { scene, map, lens });
-        for (i, pixel) in film.pixels.iter_mut().enumerate() {
-            let (back, share) = (shot.backdrop(i), f64::from(covered[i]));
-            let rgb = [r[i], g[i], b[i]];
+        for (i, (pixel, values)) in film.pixels.iter_mut().zip(&planes.pixels).enumerate() {
+            let [rgb @ .., hair, share, _, _, _] = values.map(f64::from);
+            let variance = &values[5..];
+            let back = shot.backdrop(i);
             for c in 0..3 {
-                let mean = f64::from(rgb[c]) - (1.0 - share) * back[c];
+                let mean = rgb[c] - (1.0 - share) * back[c];
                 pixel.sum[c] = n * mean;
-                pixel.squares[c] = n * (mean * mean + (n - 1.0) * f64::from(variance[c][i]));
+                pixel.squares[c] = n * (mean * mean + (n - 1.0) * f64::from(variance[c]));
             }
             pixel.covered = (n * share).round() as u32;
-            pixel.hair = (n * f64::from(hair[i])).round() as u32;
+            pixel.hair = (n * hair).round() as u32;
         }
         Ok(film)
     };

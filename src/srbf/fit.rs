@@ -146,7 +146,9 @@ pub fn fit(env: &Environment, n: usize, progress: &(dyn Fn(f32) -> bool + Sync))
         "cannot fit lights to an empty environment"
     );
     let map = Harmonics::of_map(env, band_of_blur(VIEWS[0].0));
-    let lights = if let Some(rgb) = even(env) {
+    let lights = if !env.lights.is_empty() {
+        env.lights.clone()
+    } else if let Some(rgb) = even(env) {
         vec![SrbfLight { direction: DVec3::Y, lambda: LAMBDA_RANGE[1], rgb }]
     } else if map.integral().iter().sum::<f64>() > 0.0 {
         Fitter::new(env, &map, progress).run(n)?
