@@ -15,6 +15,7 @@ use std::path::Path;
 
 use anyhow::{Result, anyhow, bail, ensure};
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::file::read_picture_bytes;
 use crate::openexr;
@@ -129,14 +130,39 @@ impl Environment {
         Environment::new(width, height, pixels)
     }
 
+    /// The map at half its size or, where a side is odd, a little less: each pixel the mean of what it covers, weighted
+    /// by solid angle, so that the energy stays. A side of 1 stays.
+    pub fn halved(&self) -> Environment {
+        let [width, height] = [self.width, self.height].map(|side| (side / 2).max(1));
+        let across: Vec<[(usize, f32); 3]> =
+            (0..width).map(|x| covered(x, width, self.width, |a, b| b - a)).collect();
+        let mut pixels = vec![[0.0; 3]; width * height];
+        pixels.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
+            let area = |a: f64, b: f64| (PI * a).cos() - (PI * b).cos();
+            let down = covered(y, height, self.height, area);
+            for (pixel, across) in row.iter_mut().zip(&across) {
+                for (line, down) in down {
+                    for &(column, across) in across {
+                        let weight = down * across;
+                        let source = self.pixels[line * self.width + column];
+                        *pixel = std::array::from_fn(|c| pixel[c] + weight * source[c]);
+                    }
+                }
+            }
+        });
+        Environment::new(width, height, pixels)
+    }
+
     /// Mean over the sphere, weighted by solid angle.
     pub fn mean_radiance(&self) -> [f64; 3] {
-        let mut sum = DVec3::ZERO;
-        for (row, pixels) in self.pixels.chunks_exact(self.width).enumerate() {
-            let row_sum: DVec3 = pixels.iter().map(|rgb| DVec3::from(rgb.map(f64::from))).sum();
-            sum += row_sum * self.solid_angle(row);
-        }
-        (sum / (2.0 * TAU)).to_array()
+        let sum = |(row, pixels): (usize, &[[f32; 3]])| {
+            let sum: DVec3 = pixels.iter().map(|rgb| DVec3::from(rgb.map(f64::from))).sum();
+            sum * self.solid_angle(row)
+        };
+        // In the order of the rows, so that it is the same on any number of threads.
+        let rows: Vec<DVec3> =
+            self.pixels.par_chunks_exact(self.width).enumerate().map(sum).collect();
+        (rows.into_iter().sum::<DVec3>() / (2.0 * TAU)).to_array()
     }
 
     /// BLAKE3 of size and pixels in hex: two maps of the same light have the same hash.
@@ -144,9 +170,28 @@ impl Environment {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(self.width as u64).to_le_bytes());
         hasher.update(&(self.height as u64).to_le_bytes());
-        hasher.update(bytemuck::cast_slice(&self.pixels));
+        hasher.update_rayon(bytemuck::cast_slice(&self.pixels));
         hasher.finalize().to_hex().to_string()
     }
+}
+
+/// Which of `source` equal parts of [0, 1] the `i`th of `count` covers, half as many or a few less, and the share of
+/// each in it by `measure`.
+fn covered(
+    i: usize,
+    count: usize,
+    source: usize,
+    measure: impl Fn(f64, f64) -> f64,
+) -> [(usize, f32); 3] {
+    let [start, end] = [i, i + 1].map(|i| i as f64 / count as f64);
+    let first = i * source / count;
+    let whole = measure(start, end);
+    std::array::from_fn(|k| {
+        let part = (first + k).min(source - 1);
+        let [low, high] = [first + k, first + k + 1].map(|edge| edge as f64 / source as f64);
+        let (low, high) = (low.max(start), high.min(end));
+        (part, if low < high { (measure(low, high) / whole) as f32 } else { 0.0 })
+    })
 }
 
 /// Weights of the four nearest samples at t in [0, 1) past the second, for a cubic B-spline.
