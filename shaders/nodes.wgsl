@@ -44,7 +44,8 @@ var<private> exponent_max: f32 = EXPONENT_MAX;
 
 // Of a light that brings `share` to a point where `least` would be nothing.
 fn set_exponent_max(share: f32, least: f32) {
-    exponent_max = min(log(PEAK * share / max(least, 1e-20)), EXPONENT_MAX);
+    // By their ratio, which is the same for light of every brightness.
+    exponent_max = min(log(PEAK / max(least / share, 1e-20)), EXPONENT_MAX);
 }
 
 // The factor of the integral; where it is 0 the lobe is left out.

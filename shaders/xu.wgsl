@@ -199,7 +199,8 @@ fn strand_at(fibre: Fibre, theta_o: f32) -> Strand {
 }
 
 fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> vec3f {
-    let least = arrival.least / max(arrival.rgb.x, max(arrival.rgb.y, max(arrival.rgb.z, 1e-30)));
+    let brightest = max(arrival.rgb.x, max(arrival.rgb.y, arrival.rgb.z));
+    let least = select(arrival.least / brightest, 1e30, brightest <= 0.0);
     let a = averages(arrival.theta_j);
     let s = 1.0 - a.a_f;
     let arriving = through(arrival.depth, s);

@@ -49,7 +49,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     stage.notes.iter().chain(&outputs.left_over(scene)).for_each(|line| clock.note(line));
     clock.step("geometry")?;
 
-    let map = load_map(&scene.environment.source, &clock)?;
+    let map = load_map(&scene.environment, &clock)?;
     clock.step("environment")?;
 
     // Inputs come first: what is wrong with them is said on a machine without an adapter too.

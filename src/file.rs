@@ -2,7 +2,8 @@
 
 use std::any::Any;
 use std::cell::Cell;
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
@@ -84,6 +85,41 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
         ensure!(!known.contains(&identity), "{name}: is written twice: choose another name");
         known.push(identity);
     }
+    Ok(())
+}
+
+/// The largest picture that is read: 16384 × 8192, 1.5 GiB of RGB floats.
+pub const MAX_PIXELS: usize = 16384 * 8192;
+/// The largest file that a picture is read from, for the same picture uncompressed with a few more channels.
+const MAX_FILE_BYTES: u64 = 4 << 30;
+/// No side of a picture is longer: twice the largest map's width leaves room for odd shapes.
+const MAX_SIDE: usize = 32768;
+
+/// The bytes of a picture's file.
+///
+/// # Errors
+/// One line without the file's name: it cannot be read, is empty, or is larger than 4 GiB.
+pub fn read_picture_bytes(path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| {
+            // Room for all of it at once, where the size is known.
+            let size = file.metadata().map_or(0, |known| known.len());
+            bytes.reserve(size.min(MAX_FILE_BYTES) as usize + 1);
+            file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)
+        })
+        .context("cannot be read")?;
+    ensure!(!bytes.is_empty(), "is empty; export the file again");
+    ensure!(bytes.len() as u64 <= MAX_FILE_BYTES, "is larger than 4 GiB: scale the picture down");
+    Ok(bytes)
+}
+
+/// Refuses a claim of width and height before anything is allocated for it.
+pub fn check_pixels(width: usize, height: usize) -> Result<()> {
+    ensure!(
+        width.max(height) <= MAX_SIDE && (1..=MAX_PIXELS).contains(&width.saturating_mul(height)),
+        "claims {width} × {height} pixels; up to 16384 × 8192 can be read: scale the picture down"
+    );
     Ok(())
 }
 

@@ -3,16 +3,13 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use exr::meta::attribute::AttributeValue;
-use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Vec2, WritableImage,
-};
 use image::ImageEncoder;
 use rayon::prelude::*;
 
 use crate::environment::Environment;
 use crate::file::write_whole;
 use crate::gpu::frame::Frame;
+use crate::openexr;
 
 /// Linear Rec. 709 luminance.
 pub fn luminance(rgb: [f32; 3]) -> f32 {
@@ -83,7 +80,7 @@ pub fn write_frame(path: &Path, frame: &Frame, scale: f32) -> Result<()> {
             let colors = ["R", "G", "B", "A"].into_iter().enumerate();
             let mut channels: Vec<_> = colors.map(|(c, name)| (name, plane(c))).collect();
             channels.push(("hair", frame.hair_coverage.clone()));
-            write_exr(path, frame.size, channels, &[])
+            openexr::write(path, frame.size, channels, &[])
         }
     }
 }
@@ -101,34 +98,6 @@ pub fn write_display(
     scale: f32,
 ) -> Result<()> {
     write_png(path, &display_bytes(pixels, scale), width, height, image::ExtendedColorType::Rgba8)
-}
-
-/// Writes planes of f32 under their names, and text attributes, as an EXR file.
-pub fn write_exr(
-    path: &Path,
-    [width, height]: [u32; 2],
-    channels: Vec<(&str, Vec<f32>)>,
-    attributes: &[(&str, String)],
-) -> Result<()> {
-    let channels = channels
-        .into_iter()
-        .map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values)))
-        .collect();
-    let mut layer_attributes = LayerAttributes::default();
-    for (name, value) in attributes {
-        let value = AttributeValue::Text(value.as_str().into());
-        layer_attributes.other.insert((*name).into(), value);
-    }
-    let layer = Layer::new(
-        Vec2(width as usize, height as usize),
-        layer_attributes,
-        Encoding::FAST_LOSSLESS,
-        AnyChannels::sort(channels),
-    );
-    let image = exr::prelude::Image::from_layer(layer);
-    write_whole(path, |file| {
-        image.write().to_buffered(std::io::BufWriter::new(file)).map_err(Into::into)
-    })
 }
 
 /// Writes sRGB bytes as a PNG.

@@ -17,6 +17,7 @@ pub mod lamp;
 pub mod light;
 pub mod live;
 pub mod measure;
+pub mod openexr;
 pub mod paint;
 pub mod probe;
 pub mod progress;

@@ -15,7 +15,7 @@ use crate::head::{self, Head, HeadRays};
 use crate::lamp::Lamp;
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::progress::Clock;
-use crate::scene::{Camera, Lens, Scene};
+use crate::scene::{Camera, EnvironmentSpec, Lens, Scene};
 use crate::srbf::{SrbfLight, split_wide};
 use crate::transport::volume::Volume;
 
@@ -237,12 +237,11 @@ fn load_head(scene: &Scene) -> Result<Option<Head>> {
         .transpose()
 }
 
-/// The map that `source` names; what was mended in it is noted.
-pub fn load_map(source: &str, clock: &Clock) -> Result<environment::Loaded> {
-    let loaded = environment::load(source)?;
-    if loaded.mended.any() {
-        clock.note(&format!("{source}: {}", loaded.mended));
-    }
+/// The map that a scene names; what is unusual about it and what was mended in it is noted.
+pub fn load_map(spec: &EnvironmentSpec, clock: &Clock) -> Result<environment::Loaded> {
+    let EnvironmentSpec { source, layer, .. } = spec;
+    let loaded = environment::load_layer(source, layer.as_deref())?;
+    loaded.notes().iter().for_each(|note| clock.note(&format!("{source}: {note}")));
     Ok(loaded)
 }
 

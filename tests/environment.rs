@@ -9,8 +9,10 @@ use exr::prelude::{
 };
 use glam::DVec3;
 use hairlight::environment::{
-    Environment, LightMeter, Loaded, direction_to_uv, load, uv_to_direction,
+    Environment, LightMeter, Loaded, direction_to_uv, load, load_layer, uv_to_direction,
 };
+use hairlight::measure::read::Picture;
+use hairlight::srbf::{SrbfLight, fit, radiance, write_json};
 
 fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data")
@@ -76,7 +78,7 @@ fn the_mapping_is_an_inverse_pair_that_looks_where_the_convention_says() {
 #[test]
 fn solid_angles_sum_to_the_sphere_at_every_size() {
     for (width, height) in [(1, 1), (2, 1), (255, 127), (64, 128), (4096, 1), (1024, 512)] {
-        let map = Environment { width, height, pixels: vec![[0.25, 0.5, 1.0]; width * height] };
+        let map = Environment::new(width, height, vec![[0.25, 0.5, 1.0]; width * height]);
         let sum: f64 = (0..height).map(|row| map.solid_angle(row) * width as f64).sum();
         assert!(close(sum, 4.0 * PI, 1e-12), "{width} × {height}: {sum}");
         let mean = map.mean_radiance();
@@ -89,7 +91,7 @@ fn radiance_is_bilinear_wraps_around_and_holds_at_the_poles() {
     let (width, height) = (8, 4);
     let pixels =
         (0..width * height).map(|i| [(i % width) as f32, (i / width) as f32, 1.0]).collect();
-    let map = Environment { width, height, pixels };
+    let map = Environment::new(width, height, pixels);
     for (column, row) in [(0, 0), (3, 2), (7, 3)] {
         let got = map.radiance(map.pixel_direction(column, row));
         assert!(
@@ -109,7 +111,7 @@ fn the_hash_tells_content_and_shape_apart() {
     let map = load("builtin:studio").unwrap().environment;
     let mut nudged = map.clone();
     nudged.pixels[77][1] += 1e-3;
-    let turned = Environment { width: map.height, height: map.width, pixels: map.pixels.clone() };
+    let turned = Environment::new(map.height, map.width, map.pixels.clone());
     assert_eq!(map.content_hash(), load("builtin:studio").unwrap().environment.content_hash());
     assert_ne!(map.content_hash(), nudged.content_hash());
     assert_ne!(map.content_hash(), turned.content_hash());
@@ -215,9 +217,86 @@ fn the_finished_colour_is_chosen_among_channels() {
                 assert_eq!(loaded.source.layer, layer);
                 assert!(loaded.environment.pixels.iter().all(|rgb| *rgb == [2.0; 3]), "{layer}");
             }
-            None => expect_line(load_path(&path), &path, "colour to light with"),
+            None => expect_line(load_path(&path), &path, "no colour"),
         }
     }
+}
+
+/// Layers that stand beside each other: which is taken, by a map and by `compare` alike, and how another is chosen.
+#[test]
+fn of_several_layers_the_finished_picture_is_taken_or_the_named_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("layers.exr");
+    let write = |names: &[&str]| {
+        // Channels of a layer have its place for a value.
+        let values: Vec<Box<dyn Fn(usize) -> f32>> =
+            (0..names.len()).map(|k| Box::new(move |_| k as f32) as Box<_>).collect();
+        let channels: Vec<(String, &dyn Fn(usize) -> f32)> = names
+            .iter()
+            .zip(&values)
+            .flat_map(|(name, value)| {
+                let spelled = match name.split_once(':') {
+                    Some((prefix, letters)) => {
+                        letters.split(',').map(|l| format!("{prefix}{l}")).collect::<Vec<_>>()
+                    }
+                    None => ["R", "G", "B"].map(|l| format!("{name}{l}")).to_vec(),
+                };
+                spelled.into_iter().map(move |name| (name, &**value))
+            })
+            .collect();
+        let channels: Vec<(&str, &dyn Fn(usize) -> f32)> =
+            channels.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        write_exr(&path, (4, 2), &channels);
+    };
+    let taken = |layer: Option<&str>| {
+        let source = path.to_str().unwrap();
+        let map = load_layer(source, layer).map(|loaded| loaded.environment.pixels[0]);
+        let picture = Picture::read_layer(&path, layer, "--frame-layer").map(|p| p.rgb[0]);
+        match (map, picture) {
+            (Ok(map), Ok(picture)) => {
+                assert_eq!(map, picture);
+                Ok(map[0])
+            }
+            (Err(map), Err(picture)) => {
+                for error in [&map, &picture] {
+                    let line = format!("{error:#}");
+                    assert!(line.starts_with(source) && !line.contains('\n'), "{line}");
+                }
+                assert!(!format!("{picture:#}").contains("environment.layer"), "{picture:#}");
+                Err(format!("{map:#}"))
+            }
+            (map, picture) => panic!("a map {map:?}, a picture {picture:?}"),
+        }
+    };
+    // What is written, and which of it is taken.
+    let cases: [(&[&str], f32); 10] = [
+        (&["Albedo.", ""], 1.0),
+        (&["AOV.", "Main.Combined."], 1.0),
+        (&["DiffCol.", "composite."], 1.0),
+        (&["beauty.", "a.Combined.", "composite."], 1.0),
+        (&["albedo.", "view.RGBA."], 1.0),
+        (&["env."], 0.0),
+        (&[":red,green,blue"], 0.0),
+        (&["View.Combined.:Red,Green,Blue"], 0.0),
+        (&["c.:r,g,b"], 0.0),
+        (&["depth.:Y", "noisy."], 1.0),
+    ];
+    for (names, expected) in cases {
+        write(names);
+        assert_eq!(taken(None), Ok(expected), "{names:?}");
+    }
+    write(&["AOV.", "Main.DiffCol."]);
+    let line = taken(None).unwrap_err();
+    assert!(line.ends_with("AOV, Main.DiffCol") && line.contains("--env-layer"), "{line}");
+    assert_eq!(taken(Some("aov")), Ok(0.0));
+    assert_eq!(taken(Some("DiffCol")), Ok(1.0));
+    let line = taken(Some("Beauty")).unwrap_err();
+    assert!(line.contains("no layer Beauty") && line.ends_with("AOV, Main.DiffCol"), "{line}");
+    // A name that only ends alike is no layer's.
+    assert!(taken(Some("Col")).is_err());
+    // Files without layers have none of that name.
+    let line = format!("{:#}", load_layer("builtin:studio", Some("AOV")).unwrap_err());
+    assert!(line.contains("has no layers"), "{line}");
 }
 
 /// The decoder would ask for 2⁴⁶ bytes, which no handler survives.
@@ -275,6 +354,156 @@ fn radiance_files_are_read_and_bad_ones_named() {
     refuse("", "is empty");
     expect_line(load_path(folder.path()), folder.path(), "cannot be read");
     expect_line(load("builtin:sunrise"), Path::new("builtin:sunrise"), "builtin:sunset");
+}
+
+/// The same picture stored from each corner, by rows and by columns, in all three packings, with either line end.
+#[test]
+fn radiance_files_are_read_from_every_orientation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("turned.hdr");
+    let (width, height) = (12, 9);
+    // Every pixel another; equal neighbours make runs.
+    let pixel = |x: usize, y: usize| [100 + (x / 2 * 2) as u8, 120 + y as u8, 90, 129u8];
+    let expected: Vec<[f32; 3]> = (0..width * height)
+        .map(|i| pixel(i % width, i / width))
+        .map(|[r, g, b, _]| [r, g, b].map(|v| f32::from(v) / 128.0))
+        .collect();
+    let planes = |line: &[[u8; 4]]| -> Vec<u8> {
+        let mut bytes = vec![2, 2, 0, line.len() as u8];
+        for channel in 0..4 {
+            for pair in line.chunks(2) {
+                match *pair {
+                    [a, b] if a[channel] == b[channel] => bytes.extend([130, a[channel]]),
+                    _ => {
+                        bytes.push(pair.len() as u8);
+                        bytes.extend(pair.iter().map(|p| p[channel]));
+                    }
+                }
+            }
+        }
+        bytes
+    };
+    let runs = |line: &[[u8; 4]]| -> Vec<u8> {
+        let pair = |pair: &[[u8; 4]]| match *pair {
+            [a, b] if a == b => [a, [1, 1, 1, 1]].concat(),
+            _ => pair.concat(),
+        };
+        line.chunks(2).flat_map(pair).collect()
+    };
+    let flat = |line: &[[u8; 4]]| -> Vec<u8> { line.concat() };
+    let packings: [&dyn Fn(&[[u8; 4]]) -> Vec<u8>; 3] = [&planes, &runs, &flat];
+    let mut seen = 0;
+    for (sign_y, sign_x) in [("-", "+"), ("-", "-"), ("+", "+"), ("+", "-")] {
+        let y_of = |i: usize| if sign_y == "-" { i } else { height - 1 - i };
+        let x_of = |i: usize| if sign_x == "+" { i } else { width - 1 - i };
+        for by_rows in [true, false] {
+            let lines: Vec<Vec<[u8; 4]>> = match by_rows {
+                true => (0..height)
+                    .map(|j| (0..width).map(|i| pixel(x_of(i), y_of(j))).collect())
+                    .collect(),
+                false => (0..width)
+                    .map(|i| (0..height).map(|j| pixel(x_of(i), y_of(j))).collect())
+                    .collect(),
+            };
+            let (y, x) = (format!("{sign_y}Y {height}"), format!("{sign_x}X {width}"));
+            let size = if by_rows { format!("{y} {x}") } else { format!("{x} {y}") };
+            for (packing, end) in packings.iter().zip(["\n", "\r\n", "\n"]) {
+                let header = ["#?RADIANCE", "FORMAT=32-bit_rle_rgbe", "", &size, ""].join(end);
+                let pixels: Vec<u8> = lines.iter().flat_map(|line| packing(line)).collect();
+                std::fs::write(&path, [header.as_bytes(), &pixels].concat()).unwrap();
+                let map = load_path(&path).unwrap_or_else(|e| panic!("{size}: {e:#}")).environment;
+                assert_eq!((map.width, map.height), (width, height), "{size}");
+                assert!(map.pixels == expected, "{size}");
+                seen += 1;
+                // Negative control: what lacks a byte is not taken.
+                std::fs::write(&path, [header.as_bytes(), &pixels[1..]].concat()).unwrap();
+                let spoiled = load_path(&path).map(|loaded| loaded.environment.pixels);
+                assert!(spoiled.is_err() || spoiled.unwrap() != expected, "{size}");
+            }
+        }
+    }
+    assert_eq!(seen, 24);
+    // Lines shorter than 8 pixels are never in planes, whatever they begin with.
+    let header = "#?RADIANCE\n\n-Y 1 +X 2\n";
+    std::fs::write(&path, [header.as_bytes(), &[2, 2, 0, 136, 8, 8, 8, 136]].concat()).unwrap();
+    let map = load_path(&path).unwrap().environment;
+    assert_eq!(map.pixels, [[2.0, 2.0, 0.0], [8.0; 3]]);
+    for size in ["-Y 2 -Y 3", "Y 2 X 3", "-Y two +X 3", "-Y 2", ""] {
+        std::fs::write(&path, format!("#?RADIANCE\n\n{size}\n")).unwrap();
+        expect_line(load_path(&path), &path, "where its size should");
+    }
+}
+
+/// Lights as `fit` writes them are a map too: their sum, which stands for them as they are.
+#[test]
+fn a_list_of_lights_is_a_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lights.json");
+    let light = |x: f64, lambda: f64, rgb| SrbfLight {
+        direction: DVec3::new(x, 0.4, -0.6).normalize(),
+        lambda,
+        rgb,
+    };
+    // The narrowest is far below a pixel.
+    let lights = [light(1.0, 0.5, [1.0, 2.0, 3.0]), light(-1.0, 0.001, [4e4, 3e4, 2e4])];
+    write_json(&lights, &path).unwrap();
+    let Loaded { environment: map, mended, source } = load_path(&path).unwrap();
+    assert!(!mended.any() && source.to_string().starts_with("lights, 2 lights"), "{source}");
+    let away = DVec3::new(0.3, -0.2, 0.9).normalize();
+    for (seen, sum) in map.radiance(away).iter().zip(radiance(&lights, away)) {
+        assert!(close(*seen, sum, 1e-3), "{seen} {sum}");
+    }
+    let energy = |c: usize| lights.iter().map(|light| light.energy()[c]).sum::<f64>();
+    for (c, mean) in map.mean_radiance().iter().enumerate() {
+        assert!(close(mean * 4.0 * PI, energy(c), 1e-3), "{mean} {}", energy(c));
+    }
+    // However many are asked for.
+    let fitted = fit(&map, 40, &|_| true).unwrap();
+    assert_eq!(fitted.lights, lights);
+    assert!(fitted.relative_l2_blurred_0_30 < 1e-3, "{}", fitted.relative_l2_blurred_0_30);
+    // Negative control: the same pixels from elsewhere are fitted.
+    let plain = Environment::new(map.width, map.height, map.pixels.clone());
+    assert_ne!(fit(&plain, 2, &|_| true).unwrap().lights, lights);
+
+    for (text, reason) in [
+        ("{\"lights\":[]}", "0 lights"),
+        ("\u{feff} {\"light\":[]}", "is no list of lights"),
+        ("{\"a\\nb\":[]}", "is no list of lights"),
+        ("[1]", "neither an OpenEXR nor"),
+    ] {
+        std::fs::write(&path, text).unwrap();
+        expect_line(load_path(&path), &path, reason);
+    }
+}
+
+#[test]
+fn a_black_map_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.exr");
+    let zero: &dyn Fn(usize) -> f32 = &|_| 0.0;
+    let faint: &dyn Fn(usize) -> f32 = &|i| if i == 3 { 1e-30 } else { 0.0 };
+    let black = |green| {
+        write_exr(&path, (4, 2), &[("R", zero), ("G", green), ("B", zero)]);
+        load_path(&path).unwrap().notes().iter().any(|note| note.contains("black"))
+    };
+    assert!(black(zero) && !black(faint));
+}
+
+/// A map in other units is that map: what is far above it is broken, not what is far above 1.
+#[test]
+fn maps_of_every_brightness_are_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.exr");
+    for level in [1e-30f32, 1.0, 1e20, 1e30] {
+        let value = |i: usize| level * (1.0 + i as f32);
+        write_exr(&path, (4, 2), &[("R", &value), ("G", &value), ("B", &value)]);
+        let Loaded { environment, mended, .. } = load_path(&path).unwrap();
+        assert!(!mended.any(), "{level:e}: {mended}");
+        assert_eq!(environment.pixels[7], [8.0 * level; 3]);
+    }
+    let spark = |i: usize| if i == 5 { 1e30 } else { 1.0 };
+    write_exr(&path, (4, 2), &[("R", &spark), ("G", &spark), ("B", &spark)]);
+    assert_eq!(load_path(&path).unwrap().mended.inf, 3);
 }
 
 #[test]
@@ -488,7 +717,7 @@ fn every_real_map_loads_whole() {
 fn the_meter_sees_a_sphere_as_the_camera_does() {
     let map = |light: &dyn Fn(DVec3) -> f32| {
         let (width, height) = (128, 64);
-        let mut map = Environment { width, height, pixels: Vec::new() };
+        let mut map = Environment { width, height, pixels: Vec::new(), lights: Vec::new() };
         let places = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
         map.pixels = places.map(|(x, y)| [light(map.pixel_direction(x, y)); 3]).collect();
         map
@@ -501,7 +730,7 @@ fn the_meter_sees_a_sphere_as_the_camera_does() {
     }
     // By hand: under light of 1 from the half around z, a normal at an angle α from z sees (1 + cos α)/2.
     let half = meter(&|omega| if omega.z > 0.0 { 1.0 } else { 0.0 });
-    let steps = 10_000;
+    let steps = 10_000u32;
     let logarithm = |k: usize| {
         let cosine = (1.0 - (k as f64 + 0.5) / f64::from(steps)).sqrt();
         (0.5 * (1.0 + cosine)).ln()

@@ -578,3 +578,95 @@ fn a_turn_by_a_fraction_of_a_pixel_flickers_little() {
     // Measured 0.14, 0.075 and 0.036: samples count coverage in sixteenths, and a strand here is half a pixel.
     assert!(coarse > 0.1 && usual < 0.1 && fine < 0.05, "{coarse} {usual} {fine}");
 }
+
+/// The RGB of a frame, and its coverage by hair.
+fn linear(path: &Path) -> Vec<[f32; 4]> {
+    let frame = hairlight::measure::read::Picture::read(path).unwrap();
+    let hair = frame.hair.unwrap();
+    frame.rgb.iter().zip(hair).map(|(&[r, g, b], hair)| [r, g, b, hair]).collect()
+}
+
+/// In whatever unit a map is, hair is lit by it as its background is.
+#[test]
+fn a_map_of_any_brightness_lights_hair_alike() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    write_tuft(path);
+    let frame = |exponent: i32, method: &str| {
+        let level = 2f32.powi(exponent);
+        let radiance =
+            |x: usize, y: usize| if (x, y) == (9, 2) { 60.0 } else { 0.2 + 0.1 * y as f32 };
+        let pixel = |x, y| {
+            let v = level * radiance(x, y);
+            (v, 0.5 * v, 0.25 * v)
+        };
+        write_rgb_file(path.join("map.exr"), 16, 8, pixel).unwrap();
+        let arguments = ["--hair", "strands.hair", "--env", "map.exr", "--size", "48x32"];
+        let more = ["--lights", "6", "--method", method, "-o", "frame.exr"];
+        captured(path, &[&arguments[..], &more].concat());
+        let of = |[r, g, b, hair]: [f32; 4]| [r / level, g / level, b / level, hair];
+        linear(&path.join("frame.exr")).into_iter().map(of).collect::<Vec<_>>()
+    };
+    for method in ["fast", "xu"] {
+        let usual = frame(0, method);
+        let lit =
+            |frame: &[[f32; 4]]| -> f32 { frame.iter().filter(|p| p[3] > 0.9).map(|p| p[0]).sum() };
+        assert!(lit(&usual) > 0.1, "{method}: {}", lit(&usual));
+        for exponent in [-100, 100] {
+            let other = frame(exponent, method);
+            let off =
+                usual.iter().zip(&other).flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs()));
+            let off = off.fold(0.0, f32::max);
+            println!("{method}, 2^{exponent}: {off:.1e} off");
+            assert!(off < 1e-5, "{method}, 2^{exponent}: {off}");
+        }
+    }
+}
+
+/// What `fit` writes lights hair as the map that it was fitted to, and is seen behind it.
+#[test]
+fn lights_that_fit_wrote_are_a_map() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    write_tuft(path);
+    let fit = Command::new(env!("CARGO_BIN_EXE_hairlight"))
+        .args(["fit", "builtin:sunset", "--lights", "7", "-o", "lights.json", "-q"])
+        .current_dir(path)
+        .env("HAIRLIGHT_CACHE", path.join("cache"))
+        .status();
+    assert!(fit.unwrap().success());
+    let frame = |env: &[&str], name: &str| {
+        let common = ["--hair", "strands.hair", "--size", "48x32", "-o", name];
+        captured(path, &[&common[..], env].concat());
+    };
+    let clear = ["--background", "transparent"];
+    frame(&[&["--env", "builtin:sunset", "--lights", "7"], &clear[..]].concat(), "map.exr");
+    frame(&[&["--env", "lights.json"], &clear[..]].concat(), "lights.exr");
+    frame(&[&["--env", "builtin:sunset", "--lights", "6"], &clear[..]].concat(), "fewer.exr");
+    let bytes = |name: &str| fs::read(path.join(name)).unwrap();
+    assert!(bytes("map.exr") == bytes("lights.exr") && bytes("map.exr") != bytes("fewer.exr"));
+    frame(&["--env", "lights.json", "--stats", "stats.json"], "seen.exr");
+    let seen = linear(&path.join("seen.exr"));
+    assert!(seen.iter().any(|p| p[3] == 0.0 && p[0] > 0.0), "nothing is seen behind the hair");
+    assert_eq!(json(&path.join("stats.json"))["fit"]["lights"], 7);
+}
+
+#[test]
+fn a_black_map_is_told_and_rendered() {
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    write_tuft(path);
+    write_rgb_file(path.join("black.exr"), 16, 8, |_, _| (0f32, 0f32, 0f32)).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_hairlight"))
+        .args(["capture", "--adapter", "cpu", "--hair", "strands.hair", "--env", "black.exr"])
+        .args(["--size", "48x32"])
+        .current_dir(path)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{error}");
+    let told =
+        error.lines().filter(|line| line.contains("black.exr") && line.contains("black all over"));
+    assert_eq!(told.count(), 1, "{error}");
+}

@@ -21,6 +21,7 @@ mod lamps;
 mod light;
 mod live;
 mod measure;
+mod mutation;
 mod nodes;
 mod paint;
 mod parameters;

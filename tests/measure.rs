@@ -225,8 +225,57 @@ fn exr_files_are_read_by_channel_name() {
     write_exr(&path, [0, 0], &planes);
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    assert!(error(Picture::read(&path)).contains("is damaged"));
+    assert!(error(Picture::read(&path)).contains("cut short"));
     assert!(error(Picture::read(&folder.path().join("none.exr"))).contains("none.exr"));
+}
+
+/// What every compositor reads: scanlines from the top down, ZIP compressed.
+#[test]
+fn exr_files_are_written_as_zip_scanlines() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("frame.exr");
+    let planes = ["R", "G", "B", "hair"].map(|name| (name, plane(|i| 0.25 * i as f32)));
+    hairlight::openexr::write(&path, [32, 16], planes.to_vec(), &[("a.note", "text".into())])
+        .unwrap();
+    /// Version flags, and attributes: name, type, value.
+    fn header(bytes: &[u8]) -> (u32, Vec<(String, String, Vec<u8>)>) {
+        let text = |at: &mut usize| {
+            let end = *at + bytes[*at..].iter().position(|&b| b == 0).unwrap();
+            let text = String::from_utf8(bytes[*at..end].to_vec()).unwrap();
+            *at = end + 1;
+            text
+        };
+        let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+        let mut at = 8;
+        let mut all = Vec::new();
+        loop {
+            let name = text(&mut at);
+            if name.is_empty() {
+                return (word(4), all);
+            }
+            let kind = text(&mut at);
+            let size = word(at) as usize;
+            all.push((name, kind, bytes[at + 4..at + 4 + size].to_vec()));
+            at += 4 + size;
+        }
+    }
+    // The numbers of the format's own documentation.
+    let wanted = |bytes: &[u8]| {
+        let (version, attributes) = header(bytes);
+        let value = |name: &str| {
+            attributes.iter().find(|(n, ..)| n == name).map(|(_, _, value)| value.as_slice())
+        };
+        let (zip, increasing_y) = ([3u8], [0u8]);
+        version == 2
+            && value("compression") == Some(&zip)
+            && value("lineOrder") == Some(&increasing_y)
+            && value("tiles").is_none()
+    };
+    assert!(wanted(&std::fs::read(&path).unwrap()));
+    assert_eq!(Picture::read(&path).unwrap().rgb[100], [25.0; 3]);
+    // Negative control: tiles of runs, as files were written before.
+    write_exr(&path, [0, 0], &planes);
+    assert!(!wanted(&std::fs::read(&path).unwrap()));
 }
 
 // The figures.

@@ -40,6 +40,27 @@ fn compare(folder: &Path, frame: &str, truth: &str) -> Value {
     serde_json::from_str(&stdout(&output)).unwrap()
 }
 
+/// Pictures used to be tiles of runs: they can be gone on with as well.
+#[test]
+fn a_reference_in_tiles_is_gone_on_with() {
+    use exr::prelude::{Encoding, WritableImage, read_all_data_from_file};
+    let folder = tempdir().unwrap();
+    let path = folder.path();
+    write_tuft(path);
+    reference(path, &["--spp", "3", "-o", "old.exr"]);
+    fs::copy(path.join("old.exr"), path.join("new.exr")).unwrap();
+    let mut image = read_all_data_from_file(path.join("old.exr")).unwrap();
+    image.layer_data[0].encoding = Encoding::FAST_LOSSLESS;
+    image.write().to_file(path.join("old.exr")).unwrap();
+    let bytes = |name: &str| fs::read(path.join(name)).unwrap();
+    assert_ne!(bytes("old.exr"), bytes("new.exr"));
+    for name in ["old.exr", "new.exr"] {
+        reference(path, &["--spp", "5", "-o", name, "--resume"]);
+    }
+    let tiles = |bytes: &[u8]| bytes.windows(9).any(|text| text == b"tiledesc\0");
+    assert!(bytes("old.exr") == bytes("new.exr") && !tiles(&bytes("new.exr")));
+}
+
 #[test]
 fn a_resumed_reference_is_the_one_made_in_one_go() {
     let folder = tempdir().unwrap();

@@ -80,7 +80,7 @@ impl FibreModel for BlurredMirror {
 }
 
 pub(super) fn uniform_map(rgb: [f32; 3]) -> Environment {
-    Environment { width: 4, height: 2, pixels: vec![rgb; 8] }
+    Environment::new(4, 2, vec![rgb; 8])
 }
 
 /// A sky with a small sun aside, and no symmetry.
@@ -94,7 +94,7 @@ fn sunny_map() -> Environment {
             [sky + sun, sky + 0.9 * sun, 1.3 * sky + 0.7 * sun]
         })
         .collect();
-    Environment { width, height, pixels }
+    Environment::new(width, height, pixels)
 }
 
 pub(super) fn hair_of(strands: &[Vec<Vec3>]) -> Hair {
@@ -542,7 +542,7 @@ fn one_fibre_far_away_scatters_what_quadrature_says() {
         let model = BlurredMirror { albedo: 0.7, kappa: 1.5, near_field, ..MIRROR };
         let models = Models::even(&model);
         // ½∫∫ f_cos L dω dh over 8 × 8 places of every pixel of the map.
-        let fine = Environment { width: 256, height: 128, pixels: Vec::new() };
+        let fine = Environment::new(256, 128, Vec::new());
         let turn = DMat3::from_rotation_y(rotation);
         let mut truth = 0.0;
         for place in 0..256 * 128 {
@@ -624,7 +624,7 @@ fn a_convex_head_reflects_its_albedo() {
 
 /// ∫ of radiance times 1, x, y and z of the world over the sphere, by a fine grid and by the light's own samples.
 fn moments(light: &Light) -> [[f64; 4]; 2] {
-    let grid = Environment { width: 512, height: 256, pixels: Vec::new() };
+    let grid = Environment::new(512, 256, Vec::new());
     let mut sums = [[0.0; 4]; 2];
     let mut total_pdf = 0.0;
     for place in 0..512 * 256 {

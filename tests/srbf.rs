@@ -10,7 +10,7 @@ use hairlight::srbf::{
 };
 
 fn map_of(width: usize, height: usize, radiance: impl Fn(DVec3) -> [f64; 3]) -> Environment {
-    let mut env = Environment { width, height, pixels: Vec::with_capacity(width * height) };
+    let mut env = Environment::new(width, height, Vec::with_capacity(width * height));
     for row in 0..height {
         for column in 0..width {
             let rgb = radiance(env.pixel_direction(column, row));
@@ -102,7 +102,7 @@ fn a_sun_beside_a_sky_keeps_both() {
     let sun_radius = 0.25f64.to_radians();
     let sun_energy = [60.0, 50.0, 40.0];
     let mut shares = vec![0.0; env.pixels.len()];
-    let fine = Environment { width: 16 * 1024, height: 16 * 512, pixels: Vec::new() };
+    let fine = Environment::new(16 * 1024, 16 * 512, Vec::new());
     for row in 0..fine.height {
         let polar = (row as f64 + 0.5) / fine.height as f64 * std::f64::consts::PI;
         if (polar - sun_direction.y.acos()).abs() > 2.0 * sun_radius {
@@ -142,6 +142,46 @@ fn a_sun_beside_a_sky_keeps_both() {
             assert!((radiance[c] / sky[c] - 1.0).abs() < 0.03, "sky {radiance:?} at {omega}");
         }
     }
+}
+
+/// A sky in which the sun is a few pixels of an 8k map keeps it, and takes little longer than a small map.
+#[test]
+#[ignore = "slow: an 8k map"]
+fn a_large_map_keeps_a_small_sun_and_takes_little_longer() {
+    let sky = |width: usize| {
+        let height = width / 2;
+        let row = |y: usize| {
+            let up = 1.0 - 2.0 * y as f32 / height as f32;
+            vec![if up > 0.0 { [0.2, 0.4, 0.9] } else { [0.05; 3] }; width]
+        };
+        Environment::new(width, height, (0..height).flat_map(row).collect())
+    };
+    let small = fitted(&sky(1024), 40);
+    let mut env = sky(8192);
+    let (x, y) = (2731, 911);
+    let pixels = [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (1, 2)];
+    for (i, j) in pixels {
+        env.pixels[(y + j) * env.width + x + i] = [6e6, 5e6, 4e6];
+    }
+    let energy = |c: usize| {
+        let of = |&(_, j): &(usize, usize)| env.solid_angle(y + j) * [6e6, 5e6, 4e6][c];
+        pixels.iter().map(of).sum::<f64>()
+    };
+    let middle: DVec3 = pixels.iter().map(|&(i, j)| env.pixel_direction(x + i, y + j)).sum();
+    let sun = middle.normalize();
+    let large = fitted(&env, 40);
+    let narrow: Vec<&SrbfLight> = (large.lights.iter())
+        .filter(|light| light.lambda < 0.05 && light.direction.distance(sun) < 0.05)
+        .collect();
+    let brightest = narrow.iter().max_by(|a, b| a.energy()[0].total_cmp(&b.energy()[0])).unwrap();
+    let off = brightest.direction.distance(sun);
+    println!("{off:.1e} rad off; {:.2} s, the small map {:.2} s", large.seconds, small.seconds);
+    assert!(off < 1e-3, "{off}");
+    for c in 0..3 {
+        let found: f64 = narrow.iter().map(|light| light.energy()[c]).sum();
+        assert!((found / energy(c) - 1.0).abs() < 0.015, "{found} of {}", energy(c));
+    }
+    assert!(large.seconds < 4.0 * small.seconds + 1.0, "{} {}", large.seconds, small.seconds);
 }
 
 #[test]

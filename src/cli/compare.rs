@@ -15,10 +15,16 @@ pub fn command() -> Command {
     let path = |name: &'static str| {
         Arg::new(name).required(true).value_parser(value_parser!(PathBuf)).value_name("FILE.exr")
     };
+    let layer = |name: &'static str, help: &str| {
+        let help = format!("{help} [default: its finished picture]");
+        Arg::new(name).long(name).value_name("NAME").help(help)
+    };
     Command::new("compare")
         .about("Judges a frame by the truth, over the pixels that hair covers")
         .arg(path("frame").help("The frame to judge, linear"))
         .arg(path("truth").help("What it should be, of the same size"))
+        .arg(layer("frame-layer", "Layer of the frame, where its file has several"))
+        .arg(layer("truth-layer", "Layer of the truth, where its file has several"))
         .arg(switch("json").help("Prints the figures as JSON"))
         .arg(
             Arg::new("out")
@@ -39,7 +45,11 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
         ensure!(png, "{}: the difference is a picture: name it .png", out.display());
         check_outputs(&[out], &[path("frame"), path("truth")])?;
     }
-    let (frame, truth) = (Picture::read(path("frame"))?, Picture::read(path("truth"))?);
+    let read = |name, layer: &str| {
+        let wanted = matches.get_one::<String>(layer).map(String::as_str);
+        Picture::read_layer(path(name), wanted, &format!("--{layer}"))
+    };
+    let (frame, truth) = (read("frame", "frame-layer")?, read("truth", "truth-layer")?);
     let report = compare(&frame, &truth)?;
     if let Some(out) = out {
         write_png_rgb(out, &difference_picture(&frame, &truth)?)?;

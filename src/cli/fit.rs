@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 use clap::{Arg, ArgMatches, Command, value_parser};
 
 use super::{flag, print, quiet, reporting, rows};
 use crate::file::check_outputs;
 use crate::progress::Clock;
 use crate::quality::Settings;
-use crate::scene::{Assignment, Scene, Value, field_named};
+use crate::scene::{Assignment, Field, Scene, Value, field_named};
 use crate::stage::load_map;
 use crate::{image, srbf};
 
@@ -17,7 +17,6 @@ use crate::{image, srbf};
 const PREVIEW_SIZE: [usize; 2] = [1024, 512];
 
 pub fn command() -> Command {
-    let lights = field_named("environment.lights").expect("a key of the table");
     Command::new("fit")
         .about("Fits lights to an environment map and prints how well they stand for it")
         .arg(
@@ -26,7 +25,7 @@ pub fn command() -> Command {
                 .required(true)
                 .help("Lat-long map: .exr, .hdr or builtin:NAME"),
         )
-        .arg(flag(lights))
+        .args(fields().map(flag))
         .arg(
             Arg::new("output")
                 .long("output")
@@ -45,20 +44,27 @@ pub fn command() -> Command {
         .arg(quiet())
 }
 
+/// Those of a scene that count here.
+fn fields() -> impl Iterator<Item = &'static Field> {
+    ["environment.layer", "environment.lights"].into_iter().filter_map(|key| field_named(key).ok())
+}
+
 pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     let map = matches.get_one::<String>("map").expect("a required argument");
     let clock = Clock::new(reporting(matches));
     let mut scene = Scene::default();
-    let lights = matches.get_many::<Value>("environment.lights").into_iter().flatten();
-    let field = field_named("environment.lights").map_err(|e| anyhow!(e))?;
-    let level = lights.map(|value| Assignment { field, value: value.clone() });
+    scene.environment.source.clone_from(map);
+    let level = fields().flat_map(|field| {
+        let values = matches.get_many::<Value>(field.key).into_iter().flatten();
+        values.map(move |value| Assignment { field, value: value.clone() })
+    });
     scene.apply(level.collect())?;
 
     let [preview, lights] = ["preview", "output"].map(|name| matches.get_one::<PathBuf>(name));
     let outputs: Vec<&Path> = [preview, lights].into_iter().flatten().map(|p| &**p).collect();
     check_outputs(&outputs, &[Path::new(map)])?;
 
-    let loaded = load_map(map, &clock)?;
+    let loaded = load_map(&scene.environment, &clock)?;
     let wanted = Settings::of(&scene).lights as usize;
     let fit = clock.watch("fitting lights", |progress| {
         srbf::fit_cached(&loaded.environment, wanted, progress)

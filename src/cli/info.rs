@@ -130,7 +130,11 @@ fn head_info(file: &str) -> Result<String> {
 fn environment_info(file: &str) -> Result<String> {
     let loaded = environment::load(file)?;
     let map = &loaded.environment;
-    let rgb = |[r, g, b]: [f64; 3]| format!("{r:.4} {g:.4} {b:.4}");
+    let number = |x: f64| match x == 0.0 || (1e-3..1e6).contains(&x) {
+        true => format!("{x:.4}"),
+        false => format!("{x:.4e}"),
+    };
+    let rgb = |rgb: [f64; 3]| rgb.map(number).join(" ");
     let most = map.pixels.iter().flatten().copied().fold(0.0, f32::max);
     let mut text = rows(&[
         ("size", format!("{} × {}", map.width, map.height)),

@@ -170,16 +170,17 @@ impl Document {
 pub fn put_file(scene: &mut Scene, path: &Path) -> Result<bool> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let name = path.to_string_lossy().into_owned();
-    let slot = match extension.as_str() {
-        "hair" | "tfx" => &mut scene.hair.source,
-        "obj" => &mut scene.head.source,
-        "exr" | "hdr" => &mut scene.environment.source,
-        _ => return Ok(false),
-    };
+    if !["hair", "tfx", "obj", "exr", "hdr", "json"].contains(&extension.as_str()) {
+        return Ok(false);
+    }
     if !path.is_file() {
         bail!("{name}: cannot be read");
     }
-    *slot = name;
+    match extension.as_str() {
+        "hair" | "tfx" => scene.hair.source = name,
+        "obj" => scene.head.source = name,
+        _ => scene.environment.set_source(name),
+    }
     Ok(true)
 }
 

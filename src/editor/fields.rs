@@ -238,6 +238,8 @@ fn first_value(field: &Field) -> Option<Value> {
         Kind::Target => Value::Text("20%".to_owned()),
         Kind::Output(endings) => Value::Text(format!("stats.{}", endings.first()?)),
         Kind::Source { words, .. } => Value::Text((*words.first()?).to_owned()),
+        // A layer's usual name.
+        Kind::Text => Value::Text("Combined".to_owned()),
         _ => return None,
     })
 }

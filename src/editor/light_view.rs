@@ -378,7 +378,7 @@ fn difference(map: &Environment, lights: &Environment) -> Environment {
         hue.map(|c| c * more.abs())
     };
     let pixels = map.pixels.iter().zip(&lights.pixels).map(colored).collect();
-    Environment { pixels, ..*map }
+    Environment::new(map.width, map.height, pixels)
 }
 
 /// A curve of the unturned map on the screen, as often as it comes into `rect`.

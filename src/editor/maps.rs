@@ -249,7 +249,7 @@ fn cell(ui: &mut Ui, map: &Map, scene: &mut Scene) {
         egui::WidgetInfo::selected(egui::Role::Button, true, chosen, label.clone())
     });
     if response.clicked() {
-        scene.environment.source.clone_from(&map.source);
+        scene.environment.set_source(map.source.clone());
     }
     if !ui.is_rect_visible(rect) {
         return;

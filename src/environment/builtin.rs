@@ -48,9 +48,8 @@ pub fn build(name: &str) -> Result<(Environment, SourceInfo)> {
     let info = SourceInfo {
         format: "built-in",
         channels: "RGB".to_owned(),
-        layer: String::new(),
         compression: "none",
-        notes: Vec::new(),
+        ..SourceInfo::default()
     };
     Ok((environment, info))
 }
@@ -353,7 +352,7 @@ fn render(radiance: impl Fn(DVec3) -> DVec3 + Sync) -> Environment {
             (sum / samples).as_vec3().to_array()
         })
         .collect();
-    Environment { width: WIDTH, height: HEIGHT, pixels }
+    Environment::new(WIDTH, HEIGHT, pixels)
 }
 
 /// Directions on a regular grid within a pixel.

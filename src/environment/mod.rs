@@ -1,40 +1,40 @@
 //! The environment: distant light as a lat-long map of linear RGB radiance.
 //!
-//! Files (OpenEXR, Radiance) and built-in maps come in through [`load`], which mends what cannot be
-//! light (see `mend`) and reports what it did. Nothing here knows of light fitting or of hair.
+//! Files (OpenEXR, Radiance, lists of lights) and built-in maps come in through [`load`], which mends what cannot be
+//! light (see `mend`) and reports what it did. Nothing here knows how lights are fitted, or of hair.
 
 mod builtin;
 mod mend;
 mod meter;
 mod read_exr;
 mod read_hdr;
+mod read_lights;
 
 use std::f64::consts::{PI, TAU};
 use std::fmt;
-use std::fs::File;
-use std::io::Read;
+use std::path::Path;
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::file::read_picture_bytes;
+use crate::openexr;
+use crate::srbf::SrbfLight;
 
 pub use mend::Mended;
 pub use meter::LightMeter;
 
-/// The largest map that is read: 16384 × 8192, 1.5 GiB of RGB floats.
-pub const MAX_PIXELS: usize = 16384 * 8192;
-/// The largest file that is read, for the same map uncompressed with a few more channels.
-const MAX_FILE_BYTES: u64 = 4 << 30;
-/// No side of a map is longer: twice the largest map's width leaves room for odd shapes.
-const MAX_SIDE: usize = 32768;
-
 /// A lat-long radiance map, row-major from the zenith down.
 /// The centre column looks along −z: u = 0.5 + atan2(x, −z)/2π, v = arccos(y)/π.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Environment {
     pub width: usize,
     pub height: usize,
     /// Linear RGB, finite and ≥ 0 once mended; length width · height.
     pub pixels: Vec<[f32; 3]>,
+    /// The lights that the map is the sum of, which stand for it as they are; empty for every other map.
+    pub lights: Vec<SrbfLight>,
 }
 
 /// Position in the map that a unit direction looks at: u in [0, 1] from left to right, v in [0, 1]
@@ -53,6 +53,10 @@ pub fn uv_to_direction([u, v]: [f64; 2]) -> DVec3 {
 }
 
 impl Environment {
+    pub fn new(width: usize, height: usize, pixels: Vec<[f32; 3]>) -> Self {
+        Self { width, height, pixels, lights: Vec::new() }
+    }
+
     /// Solid angle in sr of one pixel in `row`, exactly: (2π/width)(cos θ₀ − cos θ₁) between its
     /// edges.
     pub fn solid_angle(&self, row: usize) -> f64 {
@@ -125,17 +129,42 @@ impl Environment {
                 }
             }
         }
-        Environment { width, height, pixels }
+        Environment::new(width, height, pixels)
+    }
+
+    /// The map at half its size or, where a side is odd, a little less: each pixel the mean of what it covers, weighted
+    /// by solid angle, so that the energy stays. A side of 1 stays.
+    pub fn halved(&self) -> Environment {
+        let [width, height] = [self.width, self.height].map(|side| (side / 2).max(1));
+        let across: Vec<[(usize, f32); 3]> =
+            (0..width).map(|x| covered(x, width, self.width, |a, b| b - a)).collect();
+        let mut pixels = vec![[0.0; 3]; width * height];
+        pixels.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
+            let area = |a: f64, b: f64| (PI * a).cos() - (PI * b).cos();
+            let down = covered(y, height, self.height, area);
+            for (pixel, across) in row.iter_mut().zip(&across) {
+                for (line, down) in down {
+                    for &(column, across) in across {
+                        let weight = down * across;
+                        let source = self.pixels[line * self.width + column];
+                        *pixel = std::array::from_fn(|c| pixel[c] + weight * source[c]);
+                    }
+                }
+            }
+        });
+        Environment::new(width, height, pixels)
     }
 
     /// Mean over the sphere, weighted by solid angle.
     pub fn mean_radiance(&self) -> [f64; 3] {
-        let mut sum = DVec3::ZERO;
-        for (row, pixels) in self.pixels.chunks_exact(self.width).enumerate() {
-            let row_sum: DVec3 = pixels.iter().map(|rgb| DVec3::from(rgb.map(f64::from))).sum();
-            sum += row_sum * self.solid_angle(row);
-        }
-        (sum / (2.0 * TAU)).to_array()
+        let sum = |(row, pixels): (usize, &[[f32; 3]])| {
+            let sum: DVec3 = pixels.iter().map(|rgb| DVec3::from(rgb.map(f64::from))).sum();
+            sum * self.solid_angle(row)
+        };
+        // In the order of the rows, so that it is the same on any number of threads.
+        let rows: Vec<DVec3> =
+            self.pixels.par_chunks_exact(self.width).enumerate().map(sum).collect();
+        (rows.into_iter().sum::<DVec3>() / (2.0 * TAU)).to_array()
     }
 
     /// BLAKE3 of size and pixels in hex: two maps of the same light have the same hash.
@@ -143,9 +172,28 @@ impl Environment {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(self.width as u64).to_le_bytes());
         hasher.update(&(self.height as u64).to_le_bytes());
-        hasher.update(bytemuck::cast_slice(&self.pixels));
+        hasher.update_rayon(bytemuck::cast_slice(&self.pixels));
         hasher.finalize().to_hex().to_string()
     }
+}
+
+/// Which of `source` equal parts of [0, 1] the `i`th of `count` covers, half as many or a few less, and the share of
+/// each in it by `measure`.
+fn covered(
+    i: usize,
+    count: usize,
+    source: usize,
+    measure: impl Fn(f64, f64) -> f64,
+) -> [(usize, f32); 3] {
+    let [start, end] = [i, i + 1].map(|i| i as f64 / count as f64);
+    let first = i * source / count;
+    let whole = measure(start, end);
+    std::array::from_fn(|k| {
+        let part = (first + k).min(source - 1);
+        let [low, high] = [first + k, first + k + 1].map(|edge| edge as f64 / source as f64);
+        let (low, high) = (low.max(start), high.min(end));
+        (part, if low < high { (measure(low, high) / whole) as f32 } else { 0.0 })
+    })
 }
 
 /// Weights of the four nearest samples at t in [0, 1) past the second, for a cubic B-spline.
@@ -163,15 +211,25 @@ pub struct Loaded {
     pub source: SourceInfo,
 }
 
+impl Loaded {
+    /// What to tell whoever uses the map, a line each.
+    pub fn notes(&self) -> Vec<String> {
+        let mended = self.mended.any().then(|| self.mended.to_string());
+        self.source.notes.iter().cloned().chain(mended).collect()
+    }
+}
+
 /// What was read, for people to see.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SourceInfo {
-    /// "OpenEXR", "Radiance" or "built-in".
+    /// "OpenEXR", "Radiance", "lights" or "built-in".
     pub format: &'static str,
     /// Names and sample types, such as "R f16, G f16, B f16".
     pub channels: String,
     /// The chosen layer or part of an EXR; empty for the unnamed one.
     pub layer: String,
+    /// All layers of an EXR that could have been chosen, as they are shown.
+    pub layers: Vec<String>,
     pub compression: &'static str,
     /// One line each: what is unusual about the file and how it was taken.
     pub notes: Vec<String>,
@@ -185,6 +243,9 @@ impl fmt::Display for SourceInfo {
             write!(f, ", layer {}", self.layer)?;
         }
         write!(f, ", compression {}", self.compression)?;
+        if self.layers.len() > 1 {
+            write!(f, "\nlayers: {}", self.layers.join(", "))?;
+        }
         for note in &self.notes {
             write!(f, "\nnote: {note}")?;
         }
@@ -193,17 +254,42 @@ impl fmt::Display for SourceInfo {
 }
 
 /// The map that `source` names: `builtin:studio`, `sunset`, `overcast` or `night`, else the path of
-/// an OpenEXR or Radiance file (told apart by its first bytes, not by its name). It comes mended.
+/// an OpenEXR, Radiance or lights file (told apart by its first bytes, not by its name). It comes mended.
 /// An error is one line that names the source, what is wrong, and what to do.
 pub fn load(source: &str) -> Result<Loaded> {
-    load_unnamed(source).map_err(|error| anyhow!("{source} {error:#}"))
+    load_layer(source, None)
 }
 
-fn load_unnamed(source: &str) -> Result<Loaded> {
+/// [`load`], of an EXR file the layer of this name.
+pub fn load_layer(source: &str, layer: Option<&str>) -> Result<Loaded> {
+    load_unnamed(source, layer).map_err(|error| anyhow!("{source} {error:#}"))
+}
+
+fn load_unnamed(source: &str, layer: Option<&str>) -> Result<Loaded> {
     let (mut environment, mut info) = match source.strip_prefix("builtin:") {
         Some(name) => builtin::build(name)?,
-        None => read_file(source)?,
+        None => {
+            let bytes = read_picture_bytes(Path::new(source))?;
+            if bytes.starts_with(&openexr::MAGIC) {
+                read_exr::read(&bytes, layer)?
+            } else if bytes.starts_with(read_hdr::MAGIC) {
+                read_hdr::read(&bytes)?
+            } else if read_lights::are_lights(&bytes) {
+                read_lights::read(&bytes)?
+            } else {
+                bail!(
+                    "is neither an OpenEXR nor a Radiance .hdr file nor a list of lights; \
+                     convert it to one of these"
+                )
+            }
+        }
     };
+    if let Some(name) = layer {
+        ensure!(
+            info.format == read_exr::FORMAT,
+            "has no layers, so no {name}: leave environment.layer (--env-layer) at auto"
+        );
+    }
     if environment.width != 2 * environment.height {
         info.notes.push(format!(
             "{} × {} is not 2:1; the map is stretched over the whole sphere",
@@ -211,31 +297,8 @@ fn load_unnamed(source: &str) -> Result<Loaded> {
         ));
     }
     let mended = mend::mend(&mut environment)?;
-    Ok(Loaded { environment, mended, source: info })
-}
-
-fn read_file(path: &str) -> Result<(Environment, SourceInfo)> {
-    let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes))
-        .context("cannot be read")?;
-    ensure!(bytes.len() as u64 <= MAX_FILE_BYTES, "is larger than 4 GiB: scale the map down");
-    if bytes.starts_with(&read_exr::MAGIC) {
-        read_exr::read(&bytes)
-    } else if bytes.starts_with(read_hdr::MAGIC) {
-        read_hdr::read(&bytes)
-    } else if bytes.is_empty() {
-        bail!("is empty; export the file again")
-    } else {
-        bail!("is neither an OpenEXR nor a Radiance .hdr file; convert it to one of these")
+    if mended.mean_after == [0.0; 3] {
+        info.notes.push("it is black all over: nothing is lit by it".to_owned());
     }
-}
-
-/// One size for every claim of width and height, checked before anything is allocated.
-fn check_pixels(width: usize, height: usize) -> Result<()> {
-    ensure!(
-        width.max(height) <= MAX_SIDE && (1..=MAX_PIXELS).contains(&width.saturating_mul(height)),
-        "claims {width} × {height} pixels; up to 16384 × 8192 can be read: scale the map down"
-    );
-    Ok(())
+    Ok(Loaded { environment, mended, source: info })
 }

@@ -14,7 +14,7 @@ use crate::stage::HEAD_ALBEDO;
 use crate::transport::Brought;
 
 /// Rounds end when all that cells send out changes by less than this share of it. White hair takes some 40.
-const SETTLED: f32 = 2e-3;
+const SETTLED: f64 = 2e-3;
 const MOST_ROUNDS: usize = 200;
 /// Of a cell within the head, among its neighbours: what is seen of one counts where there is no other.
 const HEAD_WEIGHT: f32 = 0.01;
@@ -104,11 +104,12 @@ pub fn solve(
             .map(|&cell| (glow[cell] + 2.0 * albedo * mean(cell)) / (1.0 + albedo))
             .collect();
         let changes = sent.par_chunks_mut(cells).enumerate().map(|(o, sent)| {
+            // In f64: the sum over all cells may be beyond f32 where each is within.
             let (mut moved, mut all) = (0.0, 0.0);
             for (&cell, values) in grid.hairy.iter().zip(&next) {
                 let before = std::mem::replace(&mut sent[cell as usize], values[o]);
-                moved += (values[o] - before).abs().element_sum();
-                all += values[o].element_sum();
+                moved += f64::from((values[o] - before).abs().element_sum());
+                all += f64::from(values[o].element_sum());
             }
             for (&cell, &radiance) in head_cells.iter().zip(&shine) {
                 sent[cell] = radiance;
@@ -120,7 +121,7 @@ pub fn solve(
             break;
         }
         let done = if all > 0.0 { (moved / all).max(SETTLED).ln() / SETTLED.ln() } else { 1.0 };
-        if !progress(done.clamp(0.0, 1.0)) {
+        if !progress(done.clamp(0.0, 1.0) as f32) {
             return None;
         }
         lit.par_chunks_mut(cells)

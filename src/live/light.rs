@@ -9,8 +9,8 @@ use anyhow::{Result, anyhow};
 
 use crate::environment::{self, Environment, LightMeter, Loaded};
 use crate::quality::Settings;
-use crate::scene::Scene;
-use crate::srbf::{self, Fit, SrbfLight, lobe_integral};
+use crate::scene::{EnvironmentSpec, Scene};
+use crate::srbf::{self, Fit};
 
 /// The longer side of [`Light::seen`], pixels at most.
 const SEEN_SIDE: usize = 512;
@@ -19,6 +19,8 @@ const SEEN_SIDE: usize = 512;
 pub struct Light {
     /// What the map was read from, as a scene names it.
     pub source: String,
+    /// The layer of it that the scene names.
+    pub layer: Option<String>,
     /// Lights asked for; there may be fewer.
     pub wanted: u32,
     pub map: Arc<Loaded>,
@@ -26,51 +28,51 @@ pub struct Light {
     pub mean_radiance: [f64; 3],
     pub meter: LightMeter,
     pub fit: Fit,
-    /// For the eye, not turned: the map and the radiance of its lights, both in one size of at most 512 a side. Lights
-    /// narrower than a pixel are widened to one, with their energy.
+    /// For the eye, not turned: the map and the radiance of its lights, both in one size of at most 512 a side.
     pub seen: [Environment; 2],
 }
 
-/// What a light is made from: the map's source, and the lights asked for.
-type Asked = (String, u32);
+/// What a light is made from: the map's source and layer, and the lights asked for.
+#[derive(Clone, PartialEq)]
+struct Asked {
+    source: String,
+    layer: Option<String>,
+    wanted: u32,
+}
 
 fn asked(scene: &Scene) -> Asked {
-    (scene.environment.source.clone(), Settings::of(scene).lights)
+    let EnvironmentSpec { source, layer, .. } = scene.environment.clone();
+    Asked { source, layer, wanted: Settings::of(scene).lights }
 }
 
 impl Light {
     /// Whether it is what the scene asks for. A quality picks lights where the scene sets none.
     pub fn is_of(&self, scene: &Scene) -> bool {
         let picked = scene.render.quality.is_some() && scene.environment.lights.is_none();
-        self.source == scene.environment.source
-            && (picked || self.wanted == Settings::of(scene).lights)
+        let asked = asked(scene);
+        self.is_map_of(&asked) && (picked || self.wanted == asked.wanted)
+    }
+
+    fn is_map_of(&self, asked: &Asked) -> bool {
+        self.source == asked.source && self.layer == asked.layer
     }
 
     fn make(
-        (source, wanted): Asked,
+        Asked { source, layer, wanted }: Asked,
         map: Option<Arc<Loaded>>,
         make_fit: impl FnOnce(&Environment) -> Result<Fit>,
     ) -> Result<Light> {
         let map = match map {
             Some(map) => map,
-            None => Arc::new(environment::load(&source)?),
+            None => Arc::new(environment::load_layer(&source, layer.as_deref())?),
         };
         let fit = make_fit(&map.environment)?;
         let small = map.environment.shrunk(SEEN_SIDE);
-        let pixel = std::f64::consts::PI / small.height as f64;
-        let widened: Vec<SrbfLight> = fit
-            .lights
-            .iter()
-            .map(|light| {
-                let lambda = light.lambda.max(pixel);
-                let gain = lobe_integral(light.lambda) / lobe_integral(lambda);
-                SrbfLight { lambda, rgb: light.rgb.map(|v| v * gain), ..*light }
-            })
-            .collect();
-        let lights = srbf::preview(&widened, small.width, small.height);
+        let lights = srbf::preview(&fit.lights, small.width, small.height);
         let mean_radiance = map.environment.mean_radiance();
         let meter = LightMeter::new(&map.environment);
-        Ok(Light { source, wanted, map, mean_radiance, meter, fit, seen: [small, lights] })
+        let seen = [small, lights];
+        Ok(Light { source, layer, wanted, map, mean_radiance, meter, fit, seen })
     }
 }
 
@@ -98,7 +100,7 @@ impl Coming {
         before: Option<Coming>,
     ) -> Coming {
         let from = asked(scene);
-        let map = known.filter(|light| light.source == from.0).map(|light| light.map.clone());
+        let map = known.filter(|light| light.is_map_of(&from)).map(|light| light.map.clone());
         let cache = cache.map(Path::to_owned);
         let before = before.and_then(|mut coming| coming.thread.take());
         let work = Arc::new(Work {
@@ -117,7 +119,7 @@ impl Coming {
             }
             let make = || {
                 own.go_on()?;
-                let count = wanted.1 as usize;
+                let count = wanted.wanted as usize;
                 let progress = |done| {
                     own.tell("fitting lights", done);
                     own.go_on().is_ok()
@@ -162,7 +164,7 @@ impl Coming {
     /// # Errors
     /// One line: the map cannot be read, or no lights fitted to it.
     pub(super) fn take(mut self) -> Result<Light> {
-        let broken = || anyhow!("{}: the fit broke off; please report the map", self.from.0);
+        let broken = || anyhow!("{}: the fit broke off; please report the map", self.from.source);
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(light)) => light,
             _ => Err(broken()),

@@ -298,8 +298,9 @@ impl Session {
     fn take_light(&mut self, scene: &Scene, say: Say) -> Result<()> {
         let Some(coming) = self.coming.take() else { return Ok(()) };
         let light = Arc::new(coming.take()?);
-        if light.map.mended.any() && self.light.as_ref().is_none_or(|l| l.source != light.source) {
-            say(Said::Note(format!("{}: {}", light.source, light.map.mended)));
+        if self.light.as_ref().is_none_or(|known| !Arc::ptr_eq(&known.map, &light.map)) {
+            let notes = light.map.notes();
+            notes.iter().for_each(|note| say(Said::Note(format!("{}: {note}", light.source))));
         }
         say(Said::Light(light.clone()));
         self.light = Some(light);
@@ -317,6 +318,7 @@ impl Session {
         }
         let mut shown = wish.clone();
         shown.scene.environment.source.clone_from(&light.source);
+        shown.scene.environment.layer.clone_from(&light.layer);
         shown.scene.environment.lights = Some(light.wanted);
         self.make_method(wish)?;
         if self.hurried.as_ref().is_none_or(|hurried| !hurried.same(&shown)) {

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use exr::meta::attribute::{AttributeValue, Text};
 
 use super::Models;
 use super::tracer::film::Film;
@@ -17,18 +16,18 @@ use super::tracer::skin::Skin;
 use super::tracer::strands::Strands;
 use super::tracer::{Sampling, TraceScene, trace};
 use crate::environment::{Environment, LightMeter};
-use crate::file::check_outputs;
-use crate::image::{Format, write_display, write_exr};
-use crate::measure::read::read_image;
+use crate::file::{check_outputs, read_picture_bytes};
+use crate::image::{Format, write_display};
+use crate::openexr::{self, ExrFile};
 use crate::paint::Fibres;
 use crate::progress::{Clock, Reporting, Unfinished};
 use crate::quality::Settings;
-use crate::scene::{Background, Lens, Scene};
+use crate::scene::{Background, FIELDS, Lens, Scene};
 use crate::srbf;
 use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
 
 /// Raise this whenever the same scene would get other samples.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 const SAMPLES: &str = "hairlight.samples";
 const SEGMENTS: &str = "hairlight.segments";
 const IDENTITY: &str = "hairlight.identity";
@@ -71,7 +70,7 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
     let mut clock = Clock::new(options.reporting);
     let stage = Geometry::load(scene)?;
     stage.notes.iter().for_each(|line| clock.note(line));
-    let map = load_map(&scene.environment.source, &clock)?.environment;
+    let map = load_map(&scene.environment, &clock)?.environment;
     let lens = stage.camera(scene)?.lens(stage.center, scene.output.size);
     let pieces = stage.pieces(&lens);
     let rotation = scene.environment.rotation_deg.to_radians();
@@ -166,7 +165,14 @@ fn identity(
     scene.hair.paint = None;
     let mut hasher = blake3::Hasher::new();
     let ReferenceOptions { max_depth, lighting, seed, sampling, .. } = options;
-    hasher.update(scene.to_toml().as_bytes());
+    // Fields that are as they would be anyway do not count, so that a field more in the table changes nothing.
+    let usual = Scene::default();
+    for field in FIELDS {
+        let value = field.get(&scene);
+        if value != field.get(&usual) {
+            hasher.update(format!("{} = {value:?}\n", field.key).as_bytes());
+        }
+    }
     hasher.update(format!("{VERSION} {max_depth} {lighting:?} {seed} {sampling:?}").as_bytes());
     hasher.update(map.content_hash().as_bytes());
     hasher.update(bytemuck::cast_slice(&stage.hair.points));
@@ -236,7 +242,7 @@ impl Shot<'_> {
             (SEGMENTS, film.segments.to_string()),
             (IDENTITY, identity.to_owned()),
         ];
-        write_exr(path, film.size, channels, &attributes)
+        openexr::write(path, film.size, channels, &attributes)
     }
 }
 
@@ -249,12 +255,10 @@ fn resume(
     identity: &str,
 ) -> Result<Film> {
     let attempt = || -> Result<Film> {
-        let image = read_image(path)?;
-        let layer = image.layer_data.first().context("it holds no picture")?;
-        let text = |name: &str| match layer.attributes.other.get(&Text::from(name)) {
-            Some(AttributeValue::Text(text)) => Some(text.to_string()),
-            _ => None,
-        };
+        let bytes = read_picture_bytes(path)?;
+        ensure!(bytes.starts_with(&openexr::MAGIC), "it is no EXR file");
+        let file = ExrFile::open(&bytes)?;
+        let text = |name: &str| file.text(0, name);
         let count = |name: &str| text(name).and_then(|n| n.parse::<u64>().ok());
         let (Some(samples), Some(segments), Some(found)) =
             (count(SAMPLES), count(SEGMENTS), text(IDENTITY))
@@ -265,34 +269,34 @@ fn resume(
             found == identity && (1..=1 << 24).contains(&samples),
             "it shows another scene, or was made with other options"
         );
-        let plane = |name: &str| -> Result<Vec<f32>> {
-            let mut channels = layer.channel_data.list.iter();
-            let channel = channels.find(|c| c.name.eq(name));
-            let values: Vec<f32> = channel
-                .with_context(|| format!("it has no {name}"))?
-                .sample_data
-                .values_as_f32()
-                .collect();
-            ensure!(values.iter().all(|v| v.is_finite()), "{name} has values that are not finite");
-            Ok(values)
-        };
-        let [r, g, b] = [plane("R")?, plane("G")?, plane("B")?];
-        let [hair, covered] = [plane("hair")?, plane("covered")?];
-        let variance = [plane("variance.R")?, plane("variance.G")?, plane("variance.B")?];
+        let names = ["R", "G", "B", "hair", "covered", "variance.R", "variance.G", "variance.B"];
+        let channels = names.map(|name| file.channel(0, name));
+        for (name, channel) in names.iter().zip(channels) {
+            ensure!(channel.is_some(), "it has no {name}");
+        }
+        let planes = file.pixels(0, channels)?;
+        for (k, name) in names.iter().enumerate() {
+            let finite = planes.pixels.iter().all(|pixel| pixel[k].is_finite());
+            ensure!(finite, "{name} has values that are not finite");
+        }
         let mut film = Film::new(scene.output.size);
-        ensure!(film.pixels.len() == r.len(), "its size is another");
+        ensure!(
+            [planes.width, planes.height] == film.size.map(|n| n as usize),
+            "its size is another"
+        );
         (film.samples, film.segments) = (samples as u32, segments);
         let (n, shot) = (samples as f64, Shot { scene, map, lens });
-        for (i, pixel) in film.pixels.iter_mut().enumerate() {
-            let (back, share) = (shot.backdrop(i), f64::from(covered[i]));
-            let rgb = [r[i], g[i], b[i]];
+        for (i, (pixel, values)) in film.pixels.iter_mut().zip(&planes.pixels).enumerate() {
+            let [rgb @ .., hair, share, _, _, _] = values.map(f64::from);
+            let variance = &values[5..];
+            let back = shot.backdrop(i);
             for c in 0..3 {
-                let mean = f64::from(rgb[c]) - (1.0 - share) * back[c];
+                let mean = rgb[c] - (1.0 - share) * back[c];
                 pixel.sum[c] = n * mean;
-                pixel.squares[c] = n * (mean * mean + (n - 1.0) * f64::from(variance[c][i]));
+                pixel.squares[c] = n * (mean * mean + (n - 1.0) * f64::from(variance[c]));
             }
             pixel.covered = (n * share).round() as u32;
-            pixel.hair = (n * f64::from(hair[i])).round() as u32;
+            pixel.hair = (n * hair).round() as u32;
         }
         Ok(film)
     };

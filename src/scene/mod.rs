@@ -90,12 +90,22 @@ pub struct HeadSpec {
 pub struct EnvironmentSpec {
     /// `builtin:NAME` or a path.
     pub source: String,
+    /// Which layer of an EXR file; `None` is the finished picture.
+    pub layer: Option<String>,
     /// Turns the light about +y, counter-clockwise seen from above, degrees.
     pub rotation_deg: f64,
     /// Stops: the light is multiplied by 2^exposure.
     pub exposure: f64,
     /// Number of SRBF lights fitted to the map; `None` is left to the quality asked for.
     pub lights: Option<u32>,
+}
+
+impl EnvironmentSpec {
+    /// Another map, of which no layer is chosen yet.
+    pub fn set_source(&mut self, source: String) {
+        self.source = source;
+        self.layer = None;
+    }
 }
 
 /// How the frame is computed.
@@ -214,7 +224,8 @@ impl Default for HeadSpec {
 
 impl Default for EnvironmentSpec {
     fn default() -> Self {
-        Self { source: "builtin:studio".to_owned(), rotation_deg: 0.0, exposure: 0.0, lights: None }
+        let source = "builtin:studio".to_owned();
+        Self { source, layer: None, rotation_deg: 0.0, exposure: 0.0, lights: None }
     }
 }
 

@@ -231,8 +231,10 @@ const PLACES: &[Field] = &[
         environment.source,
         "env",
         Kind::Source { builtins: &["studio", "sunset", "overcast", "night"], words: &[] },
-        "lat-long map that lights the scene: .exr, .hdr"
+        "lat-long map that lights the scene: .exr, .hdr, or lights .json as fit writes them"
     ),
+    field!(environment.layer, "env-layer", Kind::Text,
+        "layer of an .exr with several; auto is its finished picture", unset: Some("auto")),
     field!(environment.rotation_deg, "env-rotation", ANGLE,
         "turn of the light about the vertical, counter-clockwise from above", unit: "degrees"),
     field!(environment.exposure, "env-exposure", STOPS, "exposure of the light", unit: "stops"),

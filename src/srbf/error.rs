@@ -20,16 +20,62 @@ pub(super) fn ratio_or(numerator: f64, denominator: f64, otherwise: f64) -> f64 
     if denominator > 0.0 { numerator / denominator } else { otherwise }
 }
 
-/// √(∫|M − L|² / ∫|M|²) for the map M of constant patches; 0 for a black map.
-pub(super) fn relative_l2(env: &Environment, lights: &[SrbfLight]) -> f64 {
-    let squares = |y: usize| {
-        let row = env.pixels[y * env.width..(y + 1) * env.width].iter().flatten();
-        cell_area(y, env.height, env.width) * row.map(|&v| v as f64 * v as f64).sum::<f64>()
-    };
-    let map_squared: f64 = (0..env.height).map(squares).sum();
-    let cross: Vec<f64> = lights.par_iter().map(|light| map_product(env, light)).collect();
-    let squared = map_squared - 2.0 * cross.iter().sum::<f64>() + lights_product(lights, lights);
-    ratio_or(squared.max(0.0), map_squared, 0.0).sqrt()
+/// A map at its own size and at halves of it.
+pub(super) struct Pyramid<'a> {
+    pub(super) map: &'a Environment,
+    /// Each half of the one before.
+    pub(super) smaller: Vec<Environment>,
+}
+
+/// A lobe is joined with pixels of at most this share of its bandwidth, if the map has them: the integral is then the
+/// map's own to 1e-4.
+const PIXEL_SHARE: f64 = 1.0 / 32.0;
+
+impl<'a> Pyramid<'a> {
+    /// Down to what the widest lobe needs.
+    pub(super) fn new(map: &'a Environment) -> Self {
+        let mut smaller: Vec<Environment> = Vec::new();
+        loop {
+            let last = smaller.last().unwrap_or(map);
+            if last.width.min(2 * last.height) < 256 {
+                return Self { map, smaller };
+            }
+            smaller.push(last.halved());
+        }
+    }
+
+    /// The smallest size that has pixels for lobes of this bandwidth; the map itself where none has.
+    pub(super) fn for_lobe(&self, lambda: f64) -> &Environment {
+        let fine =
+            |map: &&Environment| PI / map.height.min(map.width / 2) as f64 <= PIXEL_SHARE * lambda;
+        self.smaller.iter().rev().find(fine).unwrap_or(self.map)
+    }
+
+    /// The largest size with no side above `most` pixels.
+    pub(super) fn within(&self, most: usize) -> &Environment {
+        let fits = |map: &&Environment| map.width.max(map.height) <= most;
+        [self.map].into_iter().chain(&self.smaller).find(fits).unwrap_or(self.map)
+    }
+
+    /// √(∫|M − L|² / ∫|M|²) for the map M of constant patches; 0 for a black map.
+    pub(super) fn relative_l2(&self, lights: &[SrbfLight]) -> f64 {
+        let env = self.map;
+        let squares = |y: usize| {
+            let row = env.pixels[y * env.width..(y + 1) * env.width].iter().flatten();
+            cell_area(y, env.height, env.width) * row.map(|&v| v as f64 * v as f64).sum::<f64>()
+        };
+        let rows: Vec<f64> = (0..env.height).into_par_iter().map(squares).collect();
+        let map_squared: f64 = rows.iter().sum();
+        let cross: Vec<f64> = lights.par_iter().map(|light| self.product(light)).collect();
+        let squared =
+            map_squared - 2.0 * cross.iter().sum::<f64>() + lights_product(lights, lights);
+        ratio_or(squared.max(0.0), map_squared, 0.0).sqrt()
+    }
+
+    /// ∫ M L dω summed over RGB.
+    pub(super) fn product(&self, light: &SrbfLight) -> f64 {
+        map_product(self.for_lobe(light.lambda), light)
+    }
 }
 
 /// ∫ A B dω summed over RGB, exact.
@@ -51,7 +97,7 @@ fn cell_area(y: usize, rows: usize, columns: usize) -> f64 {
 
 /// ∫ M L dω summed over RGB for the map M of constant patches: a sum over cells of at most half a
 /// bandwidth.
-pub(super) fn map_product(env: &Environment, light: &SrbfLight) -> f64 {
+fn map_product(env: &Environment, light: &SrbfLight) -> f64 {
     let (lambda, direction) = (light.lambda, light.direction);
     let parts = (TAU / env.height as f64 / lambda)
         .max(2.0 * TAU / env.width as f64 / lambda)

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 use super::blurred_lobe::BlurredLobe;
 use super::dense::{inverse_diagonal, non_negative_least_squares, solve_positive_definite};
-use super::error::{lights_product, map_product, ratio_or, relative_l2, relative_l2_blurred};
+use super::error::{Pyramid, lights_product, ratio_or, relative_l2_blurred};
 use super::harmonics::{Harmonics, add_scaled, band_of_blur, lobe_bands};
 use super::{SrbfLight, lobe_integral, sharpness};
 use crate::environment::Environment;
@@ -74,6 +74,9 @@ struct StepCounts {
     end: usize,
 }
 
+/// Larger maps are seen through the views at a half or a quarter: their pixels are far below what a blur of 0.15 shows.
+const HARMONICS_SIDE: usize = 4096;
+
 /// A map whose radiance varies by less, relative to its greatest, is one light.
 const EVEN: f32 = 1e-3;
 
@@ -117,14 +120,15 @@ impl Fit {
 
     /// Measures given lights against a map (`seconds` 0).
     pub fn measured(env: &Environment, lights: Vec<SrbfLight>) -> Self {
-        Self::measured_by(env, &Harmonics::of_map(env, band_of_blur(VIEWS[0].0)), lights)
+        let sizes = Pyramid::new(env);
+        Self::measured_by(&sizes, &harmonics(&sizes), lights)
     }
 
-    fn measured_by(env: &Environment, map: &Harmonics, lights: Vec<SrbfLight>) -> Self {
+    fn measured_by(sizes: &Pyramid, map: &Harmonics, lights: Vec<SrbfLight>) -> Self {
         let fitted = Harmonics::of_lights(&lights, band_of_blur(VIEWS[0].0));
         let [lights_energy, map_energy] = [&fitted, map].map(|f| f.integral().iter().sum());
         Self {
-            relative_l2: relative_l2(env, &lights),
+            relative_l2: sizes.relative_l2(&lights),
             relative_l2_blurred_0_15: relative_l2_blurred(map, &fitted, 0.15),
             relative_l2_blurred_0_30: relative_l2_blurred(map, &fitted, 0.3),
             energy_ratio: ratio_or(lights_energy, map_energy, 1.0),
@@ -135,7 +139,12 @@ impl Fit {
     }
 }
 
-/// Fits at most `n` lights (1 ..= 256) to the map.
+/// The map as it is seen through the views.
+fn harmonics(sizes: &Pyramid) -> Harmonics {
+    Harmonics::of_map(sizes.within(HARMONICS_SIDE), band_of_blur(VIEWS[0].0))
+}
+
+/// Fits at most `n` lights (1 ..= 256) to the map; one that is the sum of lights gives those.
 /// `progress` hears the share done, 0 to 1, and cancels by false (an error that says "cancelled").
 /// The same map and n give the same lights bit for bit, whatever the number of threads.
 pub fn fit(env: &Environment, n: usize, progress: &(dyn Fn(f32) -> bool + Sync)) -> Result<Fit> {
@@ -145,31 +154,36 @@ pub fn fit(env: &Environment, n: usize, progress: &(dyn Fn(f32) -> bool + Sync))
         env.width > 0 && env.height > 0 && env.pixels.len() == env.width * env.height,
         "cannot fit lights to an empty environment"
     );
-    let map = Harmonics::of_map(env, band_of_blur(VIEWS[0].0));
-    let lights = if let Some(rgb) = even(env) {
+    let sizes = Pyramid::new(env);
+    let map = harmonics(&sizes);
+    let lights = if !env.lights.is_empty() {
+        env.lights.clone()
+    } else if let Some(rgb) = even(env) {
         vec![SrbfLight { direction: DVec3::Y, lambda: LAMBDA_RANGE[1], rgb }]
     } else if map.integral().iter().sum::<f64>() > 0.0 {
-        Fitter::new(env, &map, progress).run(n)?
+        Fitter::new(&sizes, &map, progress).run(n)?
     } else {
         vec![SrbfLight { direction: DVec3::Y, lambda: 1.0, rgb: [0.0; 3] }]
     };
-    let fit = Fit::measured_by(env, &map, lights);
+    let fit = Fit::measured_by(&sizes, &map, lights);
     Ok(Fit { seconds: start.elapsed().as_secs_f64(), ..fit })
 }
 
 /// The radiance of a map that is the same from everywhere, within [`EVEN`] of its greatest.
 fn even(env: &Environment) -> Option<[f64; 3]> {
-    let mut range = [[f32::INFINITY; 3], [0.0; 3]];
-    for pixel in &env.pixels {
-        for c in 0..3 {
-            range[0][c] = range[0][c].min(pixel[c]);
-            range[1][c] = range[1][c].max(pixel[c]);
-        }
-    }
-    let [low, high] = range;
+    let range = |row: &[[f32; 3]]| {
+        row.iter().fold([[f32::INFINITY; 3], [0.0; 3]], |[low, high], pixel| {
+            [[0, 1, 2].map(|c| low[c].min(pixel[c])), [0, 1, 2].map(|c| high[c].max(pixel[c]))]
+        })
+    };
+    let wider = |a: [[f32; 3]; 2], b: [[f32; 3]; 2]| {
+        [[0, 1, 2].map(|c| a[0][c].min(b[0][c])), [0, 1, 2].map(|c| a[1][c].max(b[1][c]))]
+    };
+    let rows = env.pixels.par_chunks_exact(env.width).map(range);
+    let [low, high] = rows.reduce(|| [[f32::INFINITY; 3], [0.0; 3]], wider);
     let most = high.into_iter().fold(0.0, f32::max);
     let is_even = most > 0.0 && (0..3).all(|c| high[c] - low[c] <= EVEN * most);
-    is_even.then(|| [0, 1, 2].map(|c| 0.5 * f64::from(low[c] + high[c])))
+    is_even.then(|| [0, 1, 2].map(|c| 0.5 * (f64::from(low[c]) + f64::from(high[c]))))
 }
 
 /// A light while it is fitted. Its energy, in units of the map's, stays put when λ moves.
@@ -330,7 +344,7 @@ struct Candidate {
 }
 
 struct Fitter<'a> {
-    env: &'a Environment,
+    sizes: &'a Pyramid<'a>,
     views: Vec<View>,
     /// Energy of the map per channel over its total.
     energy: [f64; 3],
@@ -350,7 +364,7 @@ struct Fitter<'a> {
 
 impl<'a> Fitter<'a> {
     fn new(
-        env: &'a Environment,
+        sizes: &'a Pyramid<'a>,
         map: &Harmonics,
         progress: &'a (dyn Fn(f32) -> bool + Sync),
     ) -> Self {
@@ -381,7 +395,7 @@ impl<'a> Fitter<'a> {
         });
         let norm_squared = map.blurred(VIEWS[0].0).squared_norm();
         Self {
-            env,
+            sizes,
             energy_to_norm_squared: total_energy * total_energy / norm_squared,
             views,
             energy: energy.map(|v| v / total_energy),
@@ -468,7 +482,7 @@ impl<'a> Fitter<'a> {
                     return (f64::INFINITY, lobes[j].log_lambda);
                 }
                 let light = self.light(&Lobe { log_lambda, ..lobes[j] });
-                let missed = map_product(self.env, &light) - lights_product(&[light], &others);
+                let missed = self.sizes.product(&light) - lights_product(&[light], &others);
                 (lights_product(&[light], &[light]) - 2.0 * missed, log_lambda)
             };
             let choices: Vec<(f64, f64)> = (0..NARROW_CHOICES)
@@ -688,6 +702,69 @@ impl<'a> Fitter<'a> {
         removed.sort_unstable();
         for j in removed.into_iter().rev() {
             lobes.remove(j);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A low sky, a horizon, and a sun of a few pixels that shines as much as all of it.
+    fn sun_over_hills(width: usize) -> Environment {
+        let height = width / 2;
+        let row = |y: usize| {
+            let up = 1.0 - 2.0 * y as f32 / height as f32;
+            let sky = if up > 0.0 { [0.3 + up, 0.5, 0.9 - 0.4 * up] } else { [0.1, 0.08, 0.05] };
+            vec![sky; width]
+        };
+        let mut env = Environment::new(width, height, (0..height).flat_map(row).collect());
+        let (x, y) = (width / 3 + 1, height / 5 + 2);
+        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1), (2, 1), (1, 2)] {
+            env.pixels[(y + j) * width + x + i] = [6e5, 5e5, 4e5];
+        }
+        env
+    }
+
+    /// What is measured on smaller maps is what the whole map would say, to three digits.
+    #[test]
+    #[ignore = "slow: sums over all pixels of an 8k map"]
+    fn errors_of_a_large_map_are_its_own() {
+        let env = sun_over_hills(8192);
+        let mut lights = fit(&env, 12, &|_| true).unwrap().lights;
+        lights.iter_mut().for_each(|light| light.rgb[1] *= 1.03);
+        let band = band_of_blur(VIEWS[0].0);
+        let fitted = Harmonics::of_lights(&lights, band);
+        let errors = |sizes: &Pyramid, side: usize| {
+            let map = Harmonics::of_map(sizes.within(side), band);
+            [
+                sizes.relative_l2(&lights),
+                relative_l2_blurred(&map, &fitted, 0.15),
+                relative_l2_blurred(&map, &fitted, 0.3),
+            ]
+        };
+        let sizes = Pyramid::new(&env);
+        let whole = errors(&Pyramid { map: &env, smaller: Vec::new() }, env.width);
+        let off = |errors: [f64; 3]| {
+            let off = errors.iter().zip(&whole).map(|(a, b)| (a / b - 1.0).abs());
+            off.fold(0.0, f64::max)
+        };
+        let [smaller, far_smaller] = [HARMONICS_SIDE, 512].map(|side| off(errors(&sizes, side)));
+        println!("{whole:.5?}, on smaller maps {smaller:.1e} off, at 512 {far_smaller:.1e}");
+        assert!(smaller < 1e-3 && far_smaller > 1e-2);
+    }
+
+    #[test]
+    fn a_halved_map_keeps_its_light() {
+        for (width, height) in [(64, 32), (63, 31), (7, 5), (2, 1), (1, 9), (3, 2)] {
+            let value = |i: usize| [(i % 7) as f32, (i % 5) as f32, (i * i % 11) as f32];
+            let env = Environment::new(width, height, (0..width * height).map(value).collect());
+            let half = env.halved();
+            assert_eq!([half.width, half.height], [width, height].map(|side| (side / 2).max(1)));
+            let [before, after] = [&env, &half].map(|map| map.mean_radiance());
+            for (before, after) in before.iter().zip(after) {
+                assert!((before / after - 1.0).abs() < 1e-5, "{width}×{height}: {before} {after}");
+            }
         }
     }
 }

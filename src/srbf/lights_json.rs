@@ -40,11 +40,15 @@ pub fn to_json(lights: &[SrbfLight]) -> String {
     format!("{{\"lights\":[\n{}\n]}}\n", lines.join(",\n"))
 }
 
-/// Lights from JSON: 1 to 256 of them, directions of any length but 0, λ from 0.001 to 1000, rgb ≥
-/// 0.
+/// The greatest radiance of a light's peak: what the fit may make of the brightest map, and finite in f32.
+const BRIGHTEST: f64 = 1e35;
+
+/// Lights from JSON, after a byte order mark or none: 1 to 256 of them, directions of any length but 0, λ from 0.001
+/// to 1000, rgb from 0 to 1e35. Errors are one line.
 pub fn from_json(json: &str) -> Result<Vec<SrbfLight>> {
-    let read: LightsJson =
-        serde_json::from_str(json).map_err(|e| anyhow!("not a list of lights: {e}"))?;
+    let json = json.trim_start_matches('\u{feff}');
+    let read: LightsJson = serde_json::from_str(json)
+        .map_err(|error| anyhow!("{}", error.to_string().replace(['\n', '\r'], " ")))?;
     let count = read.lights.len();
     ensure!((1..=MAX_LIGHTS).contains(&count), "{count} lights: give 1 to {MAX_LIGHTS}");
     let convert = |(i, light): (usize, LightJson)| {
@@ -52,7 +56,10 @@ pub fn from_json(json: &str) -> Result<Vec<SrbfLight>> {
         let length = direction.length();
         ensure!(length > 0.0 && length.is_finite(), "light {i}: direction must not be zero");
         ensure!((1e-3..=1e3).contains(&light.lambda), "light {i}: lambda must be 0.001 to 1000");
-        ensure!(light.rgb.iter().all(|v| *v >= 0.0), "light {i}: rgb must not be negative");
+        ensure!(
+            light.rgb.iter().all(|v| (0.0..=BRIGHTEST).contains(v)),
+            "light {i}: rgb must be 0 to {BRIGHTEST:e}"
+        );
         // What is a unit vector already keeps its bits.
         let direction = if (length - 1.0).abs() < 1e-12 { direction } else { direction / length };
         Ok(SrbfLight { direction, lambda: light.lambda, rgb: light.rgb })

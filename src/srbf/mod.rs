@@ -12,7 +12,7 @@ mod harmonics;
 mod lights_json;
 mod sample;
 
-use std::f64::consts::LN_2;
+use std::f64::consts::{LN_2, PI};
 
 use anyhow::{Result, ensure};
 use glam::DVec3;
@@ -70,13 +70,22 @@ pub fn radiance(lights: &[SrbfLight], omega: DVec3) -> [f64; 3] {
     })
 }
 
-/// The lights as a lat-long map, for a look at what they hold.
+/// The lights as a lat-long map. Those narrower than a pixel are widened to one, with their energy.
 pub fn preview(lights: &[SrbfLight], width: usize, height: usize) -> Environment {
+    let pixel = PI / height as f64;
+    let widened: Vec<SrbfLight> = lights
+        .iter()
+        .map(|light| {
+            let lambda = light.lambda.max(pixel);
+            let gain = lobe_integral(light.lambda) / lobe_integral(lambda);
+            SrbfLight { lambda, rgb: light.rgb.map(|v| v * gain), ..*light }
+        })
+        .collect();
     let pixels = pixel_directions(width, height)
         .par_iter()
-        .map(|&omega| radiance(lights, omega).map(|v| v as f32))
+        .map(|&omega| radiance(&widened, omega).map(|v| v as f32))
         .collect();
-    Environment { width, height, pixels }
+    Environment::new(width, height, pixels)
 }
 
 /// The map blurred by the lobe of bandwidth λ ≥ 0.02 scaled to unit integral, at the pixel centres
@@ -92,7 +101,7 @@ pub fn blur_map(
     let radiances = blurred.at(&pixel_directions(width, height));
     // The cut-off series rings by 1e-9 about black.
     let pixels = radiances.iter().map(|rgb| rgb.map(|v| v.max(0.0) as f32)).collect();
-    Ok(Environment { width, height, pixels })
+    Ok(Environment::new(width, height, pixels))
 }
 
 fn pixel_directions(width: usize, height: usize) -> Vec<DVec3> {

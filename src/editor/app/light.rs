@@ -20,6 +20,7 @@ impl Editor {
             });
             self.light.ui(ui, scene, toward);
             for key in [
+                "environment.layer",
                 "environment.lights",
                 "environment.rotation_deg",
                 "environment.exposure",

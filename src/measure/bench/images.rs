@@ -247,7 +247,7 @@ pub fn measure(gpu: Gpu, groom: &Groom, context: &Context) -> Result<(Gpu, Vec<I
             continue;
         }
         scene.environment.source = format!("builtin:{map}");
-        let environment = load_map(&scene.environment.source, clock)?.environment;
+        let environment = load_map(&scene.environment, clock)?.environment;
         let lit = light(&view, &scene, &environment, effort, clock)?;
         let mut first = None;
         for &colour in &colours {
