@@ -9,18 +9,18 @@ use glam::{DMat3, DVec3, Vec3};
 
 use crate::environment;
 use crate::hair::groom::GroomOptions;
-use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
-use crate::head::{self, Head};
+use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended, OnHead};
+use crate::head::{
+    self, FITS, Fit, Head, LoadedHead, Placement, Surface, Up, Wanted, check_scale, fit_builtin,
+};
 use crate::image::luminance;
 use crate::lamp::Lamp;
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::progress::Clock;
-use crate::scene::{Camera, Lens, Scene};
+use crate::scene::{Camera, Lens, Reverse, Scene};
 use crate::srbf::{SrbfLight, split_wide};
 use crate::transport::volume::Volume;
 
-/// Diffuse reflectance of the head: warm clay.
-pub const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
 /// Automatic exposure brings the environment's mean luminance here.
 const EXPOSED_MEAN: f32 = 1.0;
 
@@ -29,6 +29,8 @@ const EXPOSED_MEAN: f32 = 1.0;
 pub struct Geometry {
     pub hair: Hair,
     pub head: Option<Head>,
+    /// Diffuse reflectance of the head, linear RGB.
+    pub head_albedo: Vec3,
     /// Diameter of a fibre at its thickest, world units.
     pub diameter: f32,
     /// Diameter at each point.
@@ -59,9 +61,13 @@ impl Geometry {
 
     /// Without what is painted.
     pub fn load_bare(scene: &Scene) -> Result<Geometry> {
-        let LoadedHair { hair, mended, assumed, .. } = load_hair(scene)?;
-        let head = load_head(scene)?;
+        let ground = Ground::of(scene)?;
+        let LoadedHair { hair, mended, assumed, .. } = load_hair_on(scene, ground.as_ref())?;
         let mut notes = Vec::new();
+        let head = match ground {
+            Some(ground) => Some(ground.place(&hair, &mut notes)?),
+            None => None,
+        };
         let diameter = match scene.fibre.diameter {
             0.0 => {
                 let fitted = hair::fibre_diameter(&hair);
@@ -71,7 +77,8 @@ impl Geometry {
             given => given as f32,
         };
         notes.extend(assumed.iter().chain(&mended.notes).cloned());
-        Ok(Geometry { mended, notes, ..Geometry::new(hair, head, diameter) })
+        let head_albedo = Vec3::from(scene.head.color.map(|c| c as f32));
+        Ok(Geometry { mended, notes, head_albedo, ..Geometry::new(hair, head, diameter) })
     }
 
     /// Strands whose fibres are `diameter` wide at their thickest, and a head.
@@ -79,8 +86,19 @@ impl Geometry {
         let frames = Frames::new(&hair);
         let (center, radius) = hair.center_radius();
         let (diameters, mended, notes) = Default::default();
-        let mut stage =
-            Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes };
+        let head_albedo = head::CLAY.into();
+        let mut stage = Geometry {
+            hair,
+            head,
+            head_albedo,
+            diameter,
+            diameters,
+            frames,
+            center,
+            radius,
+            mended,
+            notes,
+        };
         stage.thicken(None);
         stage
     }
@@ -187,6 +205,10 @@ impl Geometry {
 
 /// The strands that a scene names.
 pub fn load_hair(scene: &Scene) -> Result<LoadedHair> {
+    load_hair_on(scene, Ground::of(scene)?.as_ref())
+}
+
+fn load_hair_on(scene: &Scene, ground: Option<&Ground>) -> Result<LoadedHair> {
     let spec = &scene.hair;
     let groom = GroomOptions {
         strands: spec.strands as usize,
@@ -196,14 +218,99 @@ pub fn load_hair(scene: &Scene) -> Result<LoadedHair> {
         clump: spec.clump.map(|v| v as f32),
         flyaway: spec.flyaway.map(|v| v as f32),
     };
-    hair::load(&spec.source, &LoadOptions { up: spec.up, scale: spec.scale as f32, groom })
+    let reverse = match spec.reverse {
+        Reverse::Auto => None,
+        Reverse::Yes => Some(true),
+        Reverse::No => Some(false),
+    };
+    let options = LoadOptions { up: spec.up, scale: spec.scale as f32, reverse, groom };
+    let on_head = ground.map(|ground| |points: &[Vec3]| ground.fit(points).share);
+    hair::load_on(&spec.source, &options, on_head.as_ref().map(|on_head| on_head as OnHead))
 }
 
-fn load_head(scene: &Scene) -> Result<Option<Head>> {
-    let source = scene.head_source();
-    source
-        .map(|source| Ok(head::load(source, scene.hair.up, scene.hair.scale as f32)?.head))
-        .transpose()
+/// A head that waits for the roots of the hair, to be put beneath them.
+struct Ground<'a> {
+    scene: &'a Scene,
+    source: &'a str,
+    loaded: LoadedHead,
+    /// Of a head from a file.
+    surface: Option<Surface>,
+    wanted: Wanted,
+}
+
+impl<'a> Ground<'a> {
+    fn of(scene: &'a Scene) -> Result<Option<Self>> {
+        let Some(source) = scene.head_source() else { return Ok(None) };
+        let loaded = head::load(source)?;
+        let spec = &scene.head;
+        let wanted = Wanted {
+            up: spec.up,
+            scale: spec.scale.map(|scale| scale as f32),
+            offset: spec.offset.map(|offset| DVec3::from(offset).as_vec3()),
+        };
+        let surface = (source != "builtin").then(|| Surface::new(&loaded.head));
+        Ok(Some(Ground { scene, source, loaded, surface, wanted }))
+    }
+
+    /// Where the transform of the hair puts it.
+    fn own(&self) -> Placement {
+        let hair = &self.scene.hair;
+        let Wanted { up, scale, offset } = self.wanted;
+        // The builtin head is y up, as builtin hair is.
+        let own_up = if self.surface.is_some() { hair.up } else { Up::Y };
+        Placement {
+            up: up.unwrap_or(own_up),
+            scale: scale.unwrap_or(hair.scale as f32),
+            offset: offset.unwrap_or_default(),
+        }
+    }
+
+    /// The place beneath `roots` (world).
+    fn fit(&self, roots: &[Vec3]) -> Fit {
+        match &self.surface {
+            Some(surface) => surface.fit(roots, &self.own(), &self.wanted),
+            None => fit_builtin(roots, &self.wanted),
+        }
+    }
+
+    /// The head beneath `hair`. Tells what was done to it.
+    ///
+    /// # Errors
+    /// One line: no place of the builtin head is beneath the roots.
+    fn place(mut self, hair: &Hair, notes: &mut Vec<String>) -> Result<Head> {
+        notes.extend(self.loaded.notes());
+        let made_for_it = self.surface.is_none() && self.scene.hair.source.starts_with("builtin:");
+        let Wanted { up, scale, offset } = self.wanted;
+        let mut placement = self.own();
+        if !made_for_it && (up.is_none() || scale.is_none() || offset.is_none()) {
+            let roots: Vec<Vec3> =
+                hair.polylines().filter_map(|points| points.first().copied()).collect();
+            let found = self.fit(&roots);
+            let fits = found.share >= FITS;
+            let share = format!("{:.0} % of the roots lie on it", 100.0 * found.share);
+            if self.surface.is_none() && !fits {
+                bail!(
+                    "the builtin head does not fit beneath the roots of {}: {share} at best; give a head of its own \
+                     with --head FILE.obj, or --head-scale and --head-offset",
+                    self.scene.hair.source
+                );
+            }
+            let Placement { up, scale, offset } = found.placement;
+            let place = format!("{up} is up, the scale {scale}, the offset {} {} {}", offset.x, offset.y, offset.z);
+            if !fits {
+                notes.push(format!(
+                    "head: {share} in no likely unit or axis of {}: set --head-scale, --head-up or --head-offset",
+                    self.source
+                ));
+            } else if found.placement != placement {
+                notes.push(format!("head: {place}: {share} (--head-up, --head-scale, --head-offset)"));
+            }
+            placement = found.placement;
+        }
+        check_scale(placement.scale).context("head")?;
+        self.loaded.head.place(&placement);
+        Ok(self.loaded.head)
+    }
 }
 
 /// The map that `source` names; what was mended in it is noted.

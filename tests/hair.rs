@@ -5,7 +5,7 @@ use hairlight::hair::hair_format::{self, HairFile, Header};
 use hairlight::hair::{
     Hair, LoadOptions, LoadedHair, fibre_diameter, load, mend, metre, tfx_format, width_profile,
 };
-use hairlight::head::{self, LoadedHead, Up};
+use hairlight::head::{self, LoadedHead, Placement, Up};
 use std::io::Write;
 
 /// Strands over a half sphere of radius 0.1 that hang down for 0.2, in `points` points each.
@@ -46,7 +46,9 @@ fn load_bytes(bytes: &[u8], options: &LoadOptions) -> anyhow::Result<LoadedHair>
 }
 
 fn load_obj(text: &[u8], up: Up, scale: f32) -> anyhow::Result<LoadedHead> {
-    head::load(file_of(text).path().to_str().unwrap(), up, scale)
+    let mut loaded = head::load(file_of(text).path().to_str().unwrap())?;
+    loaded.head.place(&Placement { up, scale, offset: Vec3::ZERO });
+    Ok(loaded)
 }
 
 /// A header of `.hair`, made apart from the code under test.
@@ -499,8 +501,7 @@ fn hostile_obj_heads_give_one_line() {
         let line = error_line(load_obj(text, Up::Y, 1.0));
         assert!(line.contains(expected) && line.contains("tmp"), "{line}");
     }
-    assert!(error_line(head::load("nowhere.obj", Up::Y, 1.0)).contains("cannot be read"));
-    assert!(error_line(head::load("builtin", Up::Y, f32::NAN)).contains("scale"));
+    assert!(error_line(head::load("nowhere.obj")).contains("cannot be read"));
 }
 
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
@@ -543,7 +544,7 @@ fn every_groom_and_head_of_the_data_loads_whole() {
         }
     }
     for (name, triangles, dropped) in [("sintel", 5_952, 0), ("vitruvian_bust", 37_334, 2)] {
-        let loaded = head::load(&format!("{DATA}/head/{name}.obj"), Up::Y, 1.0).unwrap();
+        let loaded = head::load(&format!("{DATA}/head/{name}.obj")).unwrap();
         assert_eq!(loaded.head.triangles.len(), triangles, "{name}");
         assert_eq!(loaded.dropped_triangles, dropped, "{name}");
         assert!(loaded.head.normals.iter().all(|n| n.is_normalized()));

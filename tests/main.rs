@@ -38,3 +38,5 @@ mod tints;
 mod transport;
 mod wgsl;
 mod work;
+
+mod explore;

@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 
 use super::history::History;
 use crate::file::write_whole;
+use crate::file_kind::{FileKind, Role};
 use crate::hair::Hair;
 use crate::live::same;
 use crate::paint::Paint;
@@ -163,22 +164,36 @@ impl Document {
     }
 }
 
-/// Puts a hair, head or map file into a scene, judged by its name; false for any other.
+/// Puts a hair, head or map file into a scene, judged by its name, else by its content; false for what may be a scene
+/// file.
 ///
 /// # Errors
-/// One line, where it is not there.
+/// One line that names the file: it is not there, or is none of these.
 pub fn put_file(scene: &mut Scene, path: &Path) -> Result<bool> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let name = path.to_string_lossy().into_owned();
-    let slot = match extension.as_str() {
-        "hair" | "tfx" => &mut scene.hair.source,
-        "obj" => &mut scene.head.source,
-        "exr" | "hdr" => &mut scene.environment.source,
-        _ => return Ok(false),
+    let by_name = match extension.as_str() {
+        "hair" | "tfx" => Some(Role::Hair),
+        "obj" => Some(Role::Head),
+        "exr" | "hdr" => Some(Role::Map),
+        _ => None,
     };
-    if !path.is_file() {
+    if by_name.is_some() && !path.is_file() {
         bail!("{name}: cannot be read");
     }
+    let kind = match by_name {
+        Some(_) => FileKind::Unknown,
+        None => FileKind::of_file(path)?,
+    };
+    let slot = match by_name.or(kind.role()) {
+        Some(Role::Hair) => &mut scene.hair.source,
+        Some(Role::Head) => &mut scene.head.source,
+        Some(Role::Map) => &mut scene.environment.source,
+        _ if matches!(kind, FileKind::Scene | FileKind::Text | FileKind::Empty) => {
+            return Ok(false);
+        }
+        _ => bail!("{name}: {}", kind.description()),
+    };
     *slot = name;
     Ok(true)
 }

@@ -16,7 +16,10 @@ use std::io::Read;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use glam::DVec3;
 
+use crate::file_kind::{FileKind, Role};
 pub use mend::Mended;
+pub(crate) use read_exr::MAGIC as EXR_MAGIC;
+pub(crate) use read_hdr::MAGIC as HDR_MAGIC;
 
 /// The largest map that is read: 16384 × 8192, 1.5 GiB of RGB floats.
 pub const MAX_PIXELS: usize = 16384 * 8192;
@@ -225,7 +228,7 @@ fn read_file(path: &str) -> Result<(Environment, SourceInfo)> {
     } else if bytes.is_empty() {
         bail!("is empty; export the file again")
     } else {
-        bail!("is neither an OpenEXR nor a Radiance .hdr file; convert it to one of these")
+        bail!(FileKind::of(&bytes).refusal(Role::Map))
     }
 }
 

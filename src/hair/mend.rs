@@ -1,7 +1,7 @@
 //! Mending: after it every strand has two points or more, every step of a strand a direction, and every
 //! value is finite and in range. What was done is counted, never silent.
 
-use super::{Hair, length};
+use super::{Hair, length, median};
 use glam::Vec3;
 
 /// Coordinates from here on count as infinite: their squared distances overflow f32.
@@ -11,6 +11,9 @@ const COORDINATE_LIMIT: f32 = 1e18;
 /// direction. Relative to the strand, so that units do not matter; below the 1/65,535 of the longest strand
 /// that `.hair` can hold with equal steps.
 const SHORTEST_STEP: f64 = 1e-6;
+
+/// Colours up to 1 that are a little brighter than they should be end here.
+const BRIGHTEST: f32 = 4.0;
 
 /// What `mend` did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,7 +29,8 @@ pub struct Mended {
 /// Removes points that are NaN, infinite or repeated, then strands of fewer than two points. Thickness that
 /// is NaN, infinite or negative takes the value of the point before it in the strand (the first sound one,
 /// at the root; that of the strand before, where a strand has none); so do colours and transparencies that
-/// are NaN or infinite, and those out of range are clamped to 0…1. A thickness of 0 is left: tips end so.
+/// are NaN or infinite, and those out of range are clamped to 0…1; colours that run from 0 to 255 are divided by that
+/// first. A thickness of 0 is left: tips end so.
 /// An array without one sound value is removed.
 pub fn mend(hair: &mut Hair) -> Mended {
     let strands = hair.strand_count();
@@ -41,8 +45,15 @@ pub fn mend(hair: &mut Hair) -> Mended {
     let mut thickness = hair.thickness.take();
     let bad =
         fill(hair, &mut thickness, &mut altered, |t| (t.is_finite() && t >= 0.0).then_some(t));
-    note(bad, "thicknesses NaN, infinite or negative: neighbour's taken");
+    note(bad, match &thickness {
+        Some(_) => "thicknesses NaN, infinite or negative: neighbour's taken",
+        None => "thicknesses, which are all, NaN, infinite or negative: left out",
+    });
     let mut color = hair.color.take();
+    if let Some(colors) = color.as_mut().filter(|colors| are_bytes(colors)) {
+        colors.iter_mut().flatten().for_each(|c| *c /= 255.0);
+        note(colors.len(), "colours from 0 to 255: taken as such");
+    }
     let bad = fill(hair, &mut color, &mut altered, |c| {
         let sound = c.iter().all(|x| x.is_finite());
         sound.then_some(c.map(|x| x.clamp(0.0, 1.0)))
@@ -98,6 +109,16 @@ pub fn mend(hair: &mut Hair) -> Mended {
     hair.color = color;
     hair.transparency = transparency;
     Mended { mended: altered.iter().filter(|&&a| a).count(), dropped, notes }
+}
+
+/// Whether colours run from 0 to 255: none is beyond, and most are too bright for colours up to 1, or all are whole.
+fn are_bytes(colors: &[[f32; 3]]) -> bool {
+    let finite = || colors.iter().flatten().copied().filter(|c| c.is_finite());
+    let most = finite().fold(0.0, f32::max);
+    let brightest = colors.iter().map(|c| c.iter().copied().fold(0.0, f32::max));
+    finite().all(|c| (0.0..=255.0).contains(&c))
+        && most > 1.0
+        && (median(brightest) > BRIGHTEST || finite().all(|c| c.fract() == 0.0))
 }
 
 fn is_usable(point: Vec3) -> bool {
