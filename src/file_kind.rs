@@ -89,7 +89,10 @@ const ARCHIVE: &str = "unpack it and give what is in it";
 /// Formats that Hairlight does not read, by their first bytes; of two that fit, the first holds.
 const FOREIGN: [(&[u8], FileKind); 31] = [
     (b"Ogawa", FileKind::Foreign("an Alembic cache", GEOMETRY)),
-    (b"\x89HDF\r\n\x1a\n", FileKind::Foreign("an HDF5 file, such as an old Alembic cache", GEOMETRY)),
+    (
+        b"\x89HDF\r\n\x1a\n",
+        FileKind::Foreign("an HDF5 file, such as an old Alembic cache", GEOMETRY),
+    ),
     (b"#usda", FileKind::Foreign("a USD scene as text", GEOMETRY)),
     (b"PXR-USDC", FileKind::Foreign("a binary USD scene", GEOMETRY)),
     (b"glTF", FileKind::Foreign("a binary glTF scene", GEOMETRY)),
@@ -107,7 +110,10 @@ const FOREIGN: [(&[u8], FileKind); 31] = [
     (b"\x93NUMPY", FileKind::Foreign("a NumPy array", STRANDS)),
     (
         b"version https://git-lfs",
-        FileKind::Foreign("a Git LFS pointer in place of a file", "fetch the file with git lfs pull"),
+        FileKind::Foreign(
+            "a Git LFS pointer in place of a file",
+            "fetch the file with git lfs pull",
+        ),
     ),
     (b"version ", FileKind::Foreign("a text .tfx of TressFX 1 or 2", STRANDS)),
     (b"\x89PNG\r\n\x1a\n", FileKind::Foreign("a PNG picture", PICTURE)),

@@ -11,7 +11,7 @@ use crate::environment;
 use crate::hair::groom::GroomOptions;
 use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended, OnHead};
 use crate::head::{
-    self, FITS, Fit, Head, LoadedHead, Placement, Surface, Up, Wanted, check_scale, fit_builtin,
+    self, Fit, Head, LoadedHead, Placement, Surface, Up, Wanted, check_scale, fit_builtin,
 };
 use crate::image::luminance;
 use crate::lamp::Lamp;
@@ -23,6 +23,11 @@ use crate::transport::volume::Volume;
 
 /// Automatic exposure brings the environment's mean luminance here.
 const EXPOSED_MEAN: f32 = 1.0;
+
+/// A head is somewhere else than its hair where less than this share of the roots lies on it, and the builtin head does not
+/// fit where less than that share does.
+const ELSEWHERE: f64 = 0.25;
+const BUILTIN_FITS: f64 = 0.7;
 
 /// Strands and head.
 #[derive(Clone)]
@@ -77,7 +82,7 @@ impl Geometry {
             given => given as f32,
         };
         notes.extend(assumed.iter().chain(&mended.notes).cloned());
-        let head_albedo = Vec3::from(scene.head.color.map(|c| c as f32));
+        let head_albedo = scene.head.albedo();
         Ok(Geometry { mended, notes, head_albedo, ..Geometry::new(hair, head, diameter) })
     }
 
@@ -224,6 +229,8 @@ fn load_hair_on(scene: &Scene, ground: Option<&Ground>) -> Result<LoadedHair> {
         Reverse::No => Some(false),
     };
     let options = LoadOptions { up: spec.up, scale: spec.scale as f32, reverse, groom };
+    // The builtin head fits beneath much that is no root.
+    let ground = ground.filter(|ground| ground.surface.is_some());
     let on_head = ground.map(|ground| |points: &[Vec3]| ground.fit(points).share);
     hair::load_on(&spec.source, &options, on_head.as_ref().map(|on_head| on_head as OnHead))
 }
@@ -286,9 +293,8 @@ impl<'a> Ground<'a> {
             let roots: Vec<Vec3> =
                 hair.polylines().filter_map(|points| points.first().copied()).collect();
             let found = self.fit(&roots);
-            let fits = found.share >= FITS;
             let share = format!("{:.0} % of the roots lie on it", 100.0 * found.share);
-            if self.surface.is_none() && !fits {
+            if self.surface.is_none() && found.share < BUILTIN_FITS {
                 bail!(
                     "the builtin head does not fit beneath the roots of {}: {share} at best; give a head of its own \
                      with --head FILE.obj, or --head-scale and --head-offset",
@@ -296,14 +302,19 @@ impl<'a> Ground<'a> {
                 );
             }
             let Placement { up, scale, offset } = found.placement;
-            let place = format!("{up} is up, the scale {scale}, the offset {} {} {}", offset.x, offset.y, offset.z);
-            if !fits {
+            let place = format!(
+                "{up} is up, the scale {scale}, the offset {} {} {}",
+                offset.x, offset.y, offset.z
+            );
+            if found.share < ELSEWHERE {
                 notes.push(format!(
                     "head: {share} in no likely unit or axis of {}: set --head-scale, --head-up or --head-offset",
                     self.source
                 ));
             } else if found.placement != placement {
-                notes.push(format!("head: {place}: {share} (--head-up, --head-scale, --head-offset)"));
+                notes.push(format!(
+                    "head: {place}: {share} (--head-up, --head-scale, --head-offset)"
+                ));
             }
             placement = found.placement;
         }

@@ -183,9 +183,9 @@ fn hostile_files_give_one_line() {
     let mut single = hair_header(4, 4, 2, 0);
     single.resize(128 + 48, 0);
     let cases = [
-        ("empty", vec![], "neither a .hair nor"),
+        ("empty", vec![], "is empty"),
         ("magic only", b"HAIR".to_vec(), "header of 128 bytes"),
-        ("another format", b"#usda 1.0".to_vec(), "neither a .hair nor"),
+        ("another format", b"#usda 1.0".to_vec(), "is not hair but a USD scene as text"),
         ("no strands", hair_header(0, 4, 2, 1), "holds no strands"),
         ("no points array", hair_header(1, 2, 1, 1), "holds no points array"),
         ("points beyond the file", hair_header(1, all, 2, all - 1), "cut short"),
@@ -488,14 +488,14 @@ fn obj_heads_are_mended_and_given_normals() {
 #[test]
 fn hostile_obj_heads_give_one_line() {
     let cases: [(&[u8], &str); 8] = [
-        (b"", "no triangle"),
+        (b"", "is empty"),
         (b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle"),
         (b"v 0 0 0\nv 1 0 0\nv nan 0 0\nf 1 2 3\n", "no triangle"),
         (b"v 0 0 0\nf 1 2 9\n", "not a sound OBJ"),
         (b"v 0 0 0\nf 1 2 -9223372036854775808\n", "not a sound OBJ"),
         (b"v 0 0 0\nvn 0 0 1\nf 1//1 1//1 1//9999999999999\n", "not a sound OBJ"),
         (b"v 0 zero 0\nf 1 1 1\n", "not a sound OBJ"),
-        (b"HAIR\0\0\0", "no triangle"),
+        (b"HAIR\0\0\0", "is not a head but a .hair groom"),
     ];
     for (text, expected) in cases {
         let line = error_line(load_obj(text, Up::Y, 1.0));

@@ -113,7 +113,8 @@ fn environment_info(file: &str) -> Result<String> {
 
 fn lights_info(file: &str) -> Result<String> {
     let bytes = std::fs::read(file).with_context(|| format!("{file}: cannot be read"))?;
-    let lights = srbf::from_json(&file_kind::lossy_text(&bytes)).with_context(|| file.to_owned())?;
+    let lights =
+        srbf::from_json(&file_kind::lossy_text(&bytes)).with_context(|| file.to_owned())?;
     let lambdas = || lights.iter().map(|light| light.lambda);
     let mut energy = [0.0; 3];
     for light in &lights {

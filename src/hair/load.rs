@@ -69,11 +69,7 @@ pub fn load(source: &str, options: &LoadOptions) -> Result<LoadedHair> {
 pub type OnHead<'a> = &'a dyn Fn(&[Vec3]) -> f64;
 
 /// The same for hair on a head.
-pub fn load_on(
-    source: &str,
-    options: &LoadOptions,
-    on_head: Option<OnHead>,
-) -> Result<LoadedHair> {
+pub fn load_on(source: &str, options: &LoadOptions, on_head: Option<OnHead>) -> Result<LoadedHair> {
     check_scale(options.scale)?;
     match source.strip_prefix("builtin:") {
         Some(style) => {
@@ -132,12 +128,14 @@ fn read(bytes: &[u8]) -> Result<Read> {
             }
             let defaults = [header.default_thickness, header.default_transparency];
             if defaults.iter().chain(&header.default_color).any(|value| !value.is_finite()) {
-                read.assumed.push("a default of the header is NaN or infinite: none is used".to_owned());
+                read.assumed
+                    .push("a default of the header is NaN or infinite: none is used".to_owned());
             }
             read.file.header = Some(header);
             if trailing_bytes > 0 {
-                read.assumed
-                    .push(format!("the {trailing_bytes} bytes after the last array are left unread"));
+                read.assumed.push(format!(
+                    "the {trailing_bytes} bytes after the last array are left unread"
+                ));
             }
             Ok(read)
         }
@@ -181,13 +179,15 @@ fn finish(read: Read, options: &LoadOptions, on_head: Option<OnHead>) -> Result<
         let reversed = options.reverse.unwrap_or_else(|| is_reversed(&hair, on_head));
         if reversed {
             reverse(&mut hair);
-            assumed.push("the strands are stored from tip to root: turned around (--reverse)".to_owned());
+            assumed.push(
+                "the strands are stored from tip to root: turned around (--reverse)".to_owned(),
+            );
         }
         let strays = hair.strays().iter().filter(|&&stray| stray).count();
         if strays > 0 {
+            let strands = if strays == 1 { "strand strays" } else { "strands stray" };
             assumed.push(format!(
-                "{strays} strands stray far from all others: what is far out counts neither for the view nor for \
-                 the light"
+                "{strays} {strands} far from all others: what is far out counts neither for the view nor for the light"
             ));
         }
         assumed.extend(lying_down(&hair, up, options.reverse));
@@ -196,14 +196,15 @@ fn finish(read: Read, options: &LoadOptions, on_head: Option<OnHead>) -> Result<
             metre(&hair)
         ));
     }
-    let taper = "strands taper to 0.3 of their width at the tip";
-    assumed.push(match &hair.thickness {
-        Some(_) => "the thickness array is taken as a profile, not as a size".to_owned(),
-        None if file.arrays.contains(&"thickness") => {
-            format!("no thickness of the file is a number from 0 on: {taper}")
+    // What became of one that was not kept is among what was mended.
+    match &hair.thickness {
+        Some(_) => {
+            assumed.push("the thickness array is taken as a profile, not as a size".to_owned());
         }
-        None => format!("no thickness array: {taper}"),
-    });
+        None if file.arrays.contains(&"thickness") => {}
+        None => assumed
+            .push("no thickness array: strands taper to 0.3 of their width at the tip".to_owned()),
+    }
     Ok(LoadedHair { hair, mended, assumed, file })
 }
 

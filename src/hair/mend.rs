@@ -45,10 +45,15 @@ pub fn mend(hair: &mut Hair) -> Mended {
     let mut thickness = hair.thickness.take();
     let bad =
         fill(hair, &mut thickness, &mut altered, |t| (t.is_finite() && t >= 0.0).then_some(t));
-    note(bad, match &thickness {
-        Some(_) => "thicknesses NaN, infinite or negative: neighbour's taken",
-        None => "thicknesses, which are all, NaN, infinite or negative: left out",
-    });
+    note(
+        bad,
+        match &thickness {
+            Some(_) => "thicknesses NaN, infinite or negative: neighbour's taken",
+            None => {
+                "thicknesses, which are all, NaN, infinite or negative: strands taper to 0.3 of their width at the tip"
+            }
+        },
+    );
     let mut color = hair.color.take();
     if let Some(colors) = color.as_mut().filter(|colors| are_bytes(colors)) {
         colors.iter_mut().flatten().for_each(|c| *c /= 255.0);

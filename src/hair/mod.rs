@@ -84,8 +84,7 @@ impl Hair {
         let (middle, distance) = median_distance(boxes.iter().map(|b| b.0));
         let size = median(boxes.iter().map(|b| b.1));
         let reach = STRAY_REACH * (distance + size);
-        let held =
-            |(center, radius): &(Vec3, f32)| center.distance(middle) + radius <= reach;
+        let held = |(center, radius): &(Vec3, f32)| center.distance(middle) + radius <= reach;
         boxes.iter().map(|of| !held(of)).collect()
     }
 

@@ -10,7 +10,7 @@ mod up;
 use glam::Vec3;
 
 pub use obj::{LoadedHead, load};
-pub use place::{FITS, Fit, Placement, Surface, Wanted, fit_builtin};
+pub use place::{Fit, Placement, Surface, Wanted, fit_builtin};
 pub use rays::HeadRays;
 pub use up::{Up, check_scale};
 

@@ -15,11 +15,11 @@ use rayon::prelude::*;
 const UNITS: [f32; 9] = [1.0, 0.01, 100.0, 0.0254, 39.37, 0.1, 10.0, 0.001, 1000.0];
 /// Roots that a fit looks at, at most.
 const ROOTS: usize = 600;
-/// A root lies on a surface that is no farther than this share of the roots' median distance from their middle: some 5 mm
-/// on a person.
-const NEAR: f32 = 0.06;
-/// A head fits where this share of the roots lies on it.
-pub const FITS: f64 = 0.5;
+/// A root lies on a surface that is no farther than this share of the roots' median distance from their middle: 8 mm on a
+/// person.
+const NEAR: f32 = 0.1;
+/// Another unit or axis than the hair's own holds where at least this share of the roots lies on the head.
+const FITS: f64 = 0.5;
 /// By so much the share must be larger for another unit or axis than the hair's own.
 const BETTER: f64 = 0.1;
 
@@ -86,7 +86,8 @@ pub struct Surface {
 impl Surface {
     pub fn new(head: &Head) -> Surface {
         let corner = |v: u32| Vec3A::from(head.positions[v as usize]);
-        let triangle = |t: &[u32; 3]| Triangle { v0: corner(t[0]), v1: corner(t[1]), v2: corner(t[2]) };
+        let triangle =
+            |t: &[u32; 3]| Triangle { v0: corner(t[0]), v1: corner(t[1]), v2: corner(t[2]) };
         let triangles: Vec<Triangle> = head.triangles.iter().map(triangle).collect();
         let params = BvhBuildParams::fast_build();
         let bvh = build_bvh2_from_tris(&triangles, params, &mut Default::default());
@@ -188,8 +189,9 @@ fn closest(triangle: &Triangle, p: Vec3A) -> Vec3A {
     a + ab * (vb * whole) + ac * (vc * whole)
 }
 
-/// Steps of the fit of the builtin head.
+/// Steps of the fit of the builtin head at most; it ends with one that moves no skin by more than [`SETTLED`] (metres).
 const STEPS: usize = 40;
+const SETTLED: f32 = 1e-4;
 /// Metres on the builtin head: a root farther away than this counts less.
 const CLEAR: f32 = 0.01;
 /// Metres: a root that is no farther away lies on the builtin head, which is no one's own.
@@ -252,6 +254,9 @@ pub fn fit_builtin(roots: &[Vec3], wanted: &Wanted) -> Fit {
         }
         if wanted.scale.is_none() {
             scale *= step.w.clamp(-0.2, 0.2).exp();
+        }
+        if step.abs().max_element() < SETTLED {
+            break;
         }
     }
     let near = |root: &&Vec3| head_distance((**root - offset) / scale).abs() <= ROUGHLY;

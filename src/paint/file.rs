@@ -98,7 +98,10 @@ impl Paint {
              belongs to"
         );
         ensure!(rest[8..] == *blake3::hash(packed).as_bytes(), "is damaged: copy it again");
-        ensure!(layers <= Channel::ALL.len(), "has more layers than there are channels: copy it again");
+        ensure!(
+            layers <= Channel::ALL.len(),
+            "has more layers than there are channels: copy it again"
+        );
         let mut planes = ZlibDecoder::new(packed);
         let mut paint = Paint::bare(points);
         for _ in 0..layers {

@@ -25,6 +25,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
 use field::choice;
+use glam::Vec3;
 use toml::de::{DeTable, DeValue};
 
 use crate::file_kind::{self, FileKind, Role};
@@ -237,6 +238,13 @@ impl Default for HeadSpec {
             offset: None,
             color: crate::head::CLAY.map(f64::from),
         }
+    }
+}
+
+impl HeadSpec {
+    /// Diffuse reflectance, linear RGB.
+    pub fn albedo(&self) -> Vec3 {
+        self.color.map(|c| c as f32).into()
     }
 }
 
