@@ -159,7 +159,7 @@ impl Geometry {
         scene.camera.resolve(self.center, self.radius, width / height)
     }
 
-    /// The density volume of `cells` along its longest edge over the hair, strays beyond the fitted radius left out.
+    /// The density volume of `cells` along its longest edge over the hair, but for what is far out.
     pub fn density(&self, cells: usize) -> Volume {
         let mut volume = self.empty_volume(cells);
         self.segments().for_each(|(a, b, diameter)| volume.splat(a, b, diameter));
@@ -168,7 +168,7 @@ impl Geometry {
 
     /// The same without hair in it.
     pub fn empty_volume(&self, cells: usize) -> Volume {
-        let (low, high) = self.hair.bounds();
+        let (low, high) = self.hair.fitted_bounds();
         let (low, high) = (low.max(self.center - self.radius), high.min(self.center + self.radius));
         Volume::empty(low, high, cells)
     }
@@ -289,12 +289,17 @@ impl<'a> Ground<'a> {
         let made_for_it = self.surface.is_none() && self.scene.hair.source.starts_with("builtin:");
         let Wanted { up, scale, offset } = self.wanted;
         let mut placement = self.own();
-        if !made_for_it && (up.is_none() || scale.is_none() || offset.is_none()) {
+        // The builtin head stands upright unless it is said otherwise.
+        let up_known = up.is_some() || self.surface.is_none();
+        let offset_known = offset.is_some() || self.surface.is_some();
+        let known = made_for_it || up_known && scale.is_some() && offset_known;
+        if !known {
             let roots: Vec<Vec3> =
                 hair.polylines().filter_map(|points| points.first().copied()).collect();
             let found = self.fit(&roots);
             let share = format!("{:.0} % of the roots lie on it", 100.0 * found.share);
-            if self.surface.is_none() && found.share < BUILTIN_FITS {
+            let said = scale.is_some() || offset.is_some();
+            if self.surface.is_none() && !said && found.share < BUILTIN_FITS {
                 bail!(
                     "the builtin head does not fit beneath the roots of {}: {share} at best; give a head of its own \
                      with --head FILE.obj, or --head-scale and --head-offset",

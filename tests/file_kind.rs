@@ -87,10 +87,10 @@ fn every_reader_says_what_a_file_is_that_it_cannot_read() {
     }
     // One of each through each reader.
     for arguments in [
-        &["capture", "--hair", "a.abc"][..],
-        &["capture", "--head", "a.abc"],
-        &["capture", "--env", "a.abc"],
-        &["capture", "a.abc"],
+        &["capture", "-q", "--hair", "a.abc"][..],
+        &["capture", "-q", "--head", "a.abc"],
+        &["capture", "-q", "--env", "a.abc"],
+        &["capture", "-q", "a.abc"],
         &["fit", "a.abc"],
         &["view", "a.abc"],
     ] {

@@ -63,7 +63,8 @@ fn a_point_far_out_costs_no_time_and_changes_no_light() {
             );
             let stage = Geometry::new(hair.clone(), None, 0.01);
             let volume = stage.density(96);
-            assert_eq!(volume.dims, sound.density(96).dims, "{name} at {far:e}");
+            let larger = volume.cell / sound.density(96).cell;
+            assert!((larger - 1.0).abs() < 0.02, "{name} at {far:e}: {larger}");
             let off = (amount(&volume) / right - 1.0).abs();
             assert!(off < 0.01, "{name} at {far:e}: {off}");
             let occluders = Occluders { volume: &volume, head: None };

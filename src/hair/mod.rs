@@ -64,14 +64,20 @@ impl Hair {
     /// strand at 1e7 does not shrink all others to a dot.
     pub fn center_radius(&self) -> (Vec3, f32) {
         let strays = self.strays();
-        let fitted = || {
-            let strands = self.polylines().zip(&strays).filter(|(_, stray)| !**stray);
-            strands.flat_map(|(points, _)| points)
-        };
-        let (low, high) = bounds(fitted());
+        let (low, high) = bounds(self.fitted(&strays));
         let center = low.midpoint(high);
-        let radius = fitted().map(|p| p.distance(center)).fold(0.0, f32::max);
+        let radius = self.fitted(&strays).map(|p| p.distance(center)).fold(0.0, f32::max);
         (center, radius)
+    }
+
+    /// Corners of the box around all strands but strays.
+    pub fn fitted_bounds(&self) -> (Vec3, Vec3) {
+        bounds(self.fitted(&self.strays()))
+    }
+
+    fn fitted(&self, strays: &[bool]) -> impl Iterator<Item = &Vec3> {
+        let strands = self.polylines().zip(strays).filter(|(_, stray)| !**stray);
+        strands.flat_map(|(points, _)| points)
     }
 
     /// Of each strand, whether it is a stray: see [`Self::center_radius`].

@@ -8,17 +8,22 @@ use glam::{DMat4, DVec3, DVec4, Vec3};
 /// Share of the ends that lie on the head, at least and at most: roots, and ends that are none.
 const ON_HEAD: f64 = 0.7;
 const OFF_HEAD: f64 = 0.3;
-/// Roots lie on a sphere but for so much of its radius (the median of all) where strands leave it outward, tips do not: from
-/// fewer than so many of them. Eight grooms have 0.03 to 0.08 and a share of 0.56 to 0.94, tips 0.04 to 0.22 and 0.13 to 0.79,
-/// never the first with the second.
+/// Roots lie on a sphere but for so much of its radius (the median of all), and strands leave it outward, from so many of
+/// them at least; of tips, from so many at most. Eight grooms have 0.03 to 0.08 and a share of 0.56 to 0.94, their tips 0.04 to
+/// 0.22 and 0.13 to 0.79.
 const ROUND: f64 = 0.15;
 const OUTWARD: f64 = 0.7;
 const INWARD: f64 = 0.5;
-/// And where strands rise, by this share of their length: the sphere of roots is rounder, and smaller than that of tips by
-/// these factors, and so is their spread. Hair put up in a bun rises, to a much smaller one.
+/// The sphere of roots is smaller, or fits them better than tips, of which this much is seen: where strands hang straight
+/// down from a cap both ends are alike.
+const SMALLER: f64 = 0.95;
+const BETTER: f64 = 0.75;
+const SEEN: f64 = 0.02;
+/// And where strands rise, by this share of their length, the sphere of roots is as round as that, and smaller than that of
+/// tips, as their spread is, but not by more than this: hair put up in a bun rises, to a much smaller one.
 const RISING: f32 = 0.2;
 const ROUNDER: f64 = 0.06;
-const SMALLER: [f64; 2] = [0.55, 0.95];
+const SMALLEST: f64 = 0.55;
 /// Of fewer strands nothing is told.
 const FEWEST: usize = 32;
 /// Ends that are looked at, at most.
@@ -62,8 +67,12 @@ pub fn is_reversed(hair: &Hair, on_head: Option<OnHead>) -> bool {
     let rise = super::median(
         strands().map(|points| (points[points.len() - 1] - points[0]).y / length(points) as f32),
     );
-    let smaller = |last: f64, first: f64| (SMALLER[0]..SMALLER[1]).contains(&(last / first));
-    let leave_it = last.off < ROUND && last.outward >= OUTWARD && first.outward <= INWARD;
+    let smaller = |last: f64, first: f64| (SMALLEST..SMALLER).contains(&(last / first));
+    let leave_it = last.off < ROUND
+        && last.outward >= OUTWARD
+        && first.outward <= INWARD
+        && (last.radius < SMALLER * first.radius
+            || first.off > SEEN && last.off < BETTER * first.off);
     let compact = last.off < ROUNDER
         && rise > RISING
         && smaller(last.radius, first.radius)
