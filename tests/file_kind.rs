@@ -3,8 +3,16 @@
 use std::fs;
 use std::path::Path;
 
+use glam::Vec3;
+use hairlight::field::Grid;
 use hairlight::file_kind::{FileKind, Role, text};
+use hairlight::hair::hair_format::{HairFile, Header};
+use hairlight::hair::{self, Hair};
+use hairlight::head;
+use hairlight::paint::{Channel, Paint};
 use hairlight::scene::Scene;
+use hairlight::stage::Geometry;
+use hairlight::transport::Occluders;
 use tempfile::tempdir;
 
 use crate::cli::{run, stderr, stdout};
@@ -187,4 +195,147 @@ fn scenes_and_lights_are_read_past_a_byte_order_mark() {
     }
     assert_eq!(text(b"\xffa"), None);
     assert!(Scene::read(Path::new("/nowhere.toml")).is_err());
+}
+
+/// Numbers that are the same at every run (Marsaglia 2003).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % end.max(1) as u64) as usize
+    }
+
+    /// The file with a few of its bytes changed, cut out, doubled, or put in.
+    fn mutated(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut bytes = bytes.to_vec();
+        for _ in 0..=self.below(4) {
+            let at = self.below(bytes.len());
+            match self.below(7) {
+                0 => bytes.truncate(at),
+                1 => {
+                    let end = (at + self.below(64)).min(bytes.len());
+                    bytes.drain(at..end);
+                }
+                2 => {
+                    let end = (at + self.below(64)).min(bytes.len());
+                    let again = bytes[at..end].to_vec();
+                    bytes.splice(at..at, again);
+                }
+                3 => {
+                    let words: [&[u8]; 8] = [
+                        b"-1",
+                        b"1e38",
+                        b"nan",
+                        b"/",
+                        b"\\\n",
+                        b"\r",
+                        b"99999999999",
+                        b"\xff\xff\xff\x7f",
+                    ];
+                    let word = words[self.below(words.len())];
+                    bytes.splice(at..at, word.iter().copied());
+                }
+                4 if at + 4 <= bytes.len() => {
+                    let word =
+                        [0, 1, 0x7f7f_ffff, 0x7f80_0000, 0xffff_ffff, 0x4b18_9680][self.below(6)];
+                    bytes[at..at + 4].copy_from_slice(&u32::to_le_bytes(word));
+                }
+                _ => {
+                    if let Some(byte) = bytes.get_mut(at) {
+                        *byte = self.below(256) as u8;
+                    }
+                }
+            }
+            if bytes.is_empty() {
+                break;
+            }
+        }
+        bytes
+    }
+}
+
+/// Strands around half a ball, with all that points can have.
+fn groom() -> Hair {
+    let mut hair = Hair { offsets: (0..=40).map(|s| 5 * s).collect(), ..Hair::default() };
+    for k in 0..40 {
+        let up = 1.0 - k as f32 / 40.0;
+        let (sin, cos) = (2.4 * k as f32).sin_cos();
+        let out = (1.0 - up * up).sqrt() * Vec3::new(cos, 0.0, sin) + up * Vec3::Y;
+        hair.points.extend((0..5).map(|i| out * (1.0 + 0.1 * i as f32)));
+    }
+    let points = hair.points.len();
+    hair.thickness = Some(vec![0.1; points]);
+    hair.color = Some(vec![[0.5, 0.4, 0.3]; points]);
+    hair.transparency = Some(vec![0.0; points]);
+    hair
+}
+
+#[test]
+fn no_mutated_file_panics_or_takes_long_and_errors_are_one_line() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("mutated");
+    let name = path.to_str().unwrap();
+    let hair = groom();
+    let file = HairFile { hair: hair.clone(), header: Header::default(), trailing_bytes: 0 };
+    let mut tfx = 4.0f32.to_le_bytes().to_vec();
+    for word in [8u32, 5, 160, 0, 0, 0, 0] {
+        tfx.extend(word.to_le_bytes());
+    }
+    tfx.resize(160, 0);
+    for p in &hair.points[..40] {
+        [p.x, p.y, p.z, 1.0].iter().for_each(|x| tfx.extend(x.to_le_bytes()));
+    }
+    let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvn 0 0 1\nf 1/1/1 3/1/1 2/1/1\nf 1 2 4 # b\nf -1 -2 -3\n";
+    let lights = "{\"lights\":[{\"direction\":[0,1,0],\"lambda\":0.5,\"rgb\":[1,1,1]}]}";
+    let mut paint = Paint::bare(hair.points.len());
+    paint.layer_mut(Channel::Thickness).set(3, [2.0, 0.0, 0.0], 1.0);
+    paint.write(&path, &hair).unwrap();
+    let painted = fs::read(&path).unwrap();
+
+    type Read<'a> = &'a dyn Fn(&[u8]) -> anyhow::Result<()>;
+    let read_hair: Read = &|_| {
+        let loaded = hair::load(name, &hair::LoadOptions::default())?;
+        let stage = Geometry::new(loaded.hair, None, 0.01);
+        let volume = stage.density(16);
+        let occluders = Occluders { volume: &volume, head: None };
+        Grid::new(&stage, &occluders, 8);
+        Ok(())
+    };
+    let readers: [(&str, Vec<u8>, Read); 6] = [
+        ("hair", file.to_bytes().unwrap(), read_hair),
+        ("tfx", tfx, read_hair),
+        ("obj", obj.into(), &|_| head::load(name).map(drop)),
+        ("scene", Scene::default().to_toml().into(), &|_| Scene::read(&path).map(drop)),
+        ("lights", lights.into(), &|bytes| {
+            hairlight::srbf::from_json(&hairlight::file_kind::lossy_text(bytes)).map(drop)
+        }),
+        ("paint", painted, &|_| Paint::read(&path, &hair).map(drop)),
+    ];
+    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    for (what, sound, read) in readers {
+        fs::write(&path, &sound).unwrap();
+        read(&sound).unwrap_or_else(|e| panic!("{what}: {e:#}"));
+        let (mut good, mut bad) = (0, 0);
+        for _ in 0..400 {
+            let bytes = random.mutated(&sound);
+            fs::write(&path, &bytes).unwrap();
+            let begun = std::time::Instant::now();
+            match read(&bytes) {
+                Ok(()) => good += 1,
+                Err(error) => {
+                    bad += 1;
+                    let line = format!("{error:#}");
+                    // What a parser of JSON or TOML quotes is joined to one line by the program.
+                    assert!(!line.is_empty() && line.len() < 2000, "{what}: {line}");
+                    assert!(!line.contains('\n') || what == "lights", "{what}: {line}");
+                }
+            }
+            assert!(begun.elapsed().as_secs() < 10, "{what} takes {:?}", begun.elapsed());
+        }
+        println!("{what}: {good} read, {bad} refused");
+        assert!(bad > 20 && good + bad == 400, "{what}: {good} read, {bad} refused");
+    }
 }

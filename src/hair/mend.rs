@@ -12,6 +12,9 @@ const COORDINATE_LIMIT: f32 = 1e18;
 /// that `.hair` can hold with equal steps.
 const SHORTEST_STEP: f64 = 1e-6;
 
+/// Share of a strand's length, below which its two longest steps go to a stray point and back.
+const STRAY_REST: f64 = 1e-3;
+
 /// Colours up to 1 that are a little brighter than they should be end here.
 const BRIGHTEST: f32 = 4.0;
 
@@ -76,7 +79,7 @@ pub fn mend(hair: &mut Hair) -> Mended {
     for (strand, altered) in hair.strands().zip(&mut altered) {
         let usable: Vec<usize> = strand.clone().filter(|&i| is_usable(hair.points[i])).collect();
         let points: Vec<Vec3> = usable.iter().map(|&i| hair.points[i]).collect();
-        let shortest = SHORTEST_STEP * length(&points);
+        let shortest = SHORTEST_STEP * usual_length(&points);
         let mut last: Option<Vec3> = None;
         let before = kept;
         for (&i, &point) in usable.iter().zip(&points) {
@@ -114,6 +117,15 @@ pub fn mend(hair: &mut Hair) -> Mended {
     hair.color = color;
     hair.transparency = transparency;
     Mended { mended: altered.iter().filter(|&&a| a).count(), dropped, notes }
+}
+
+/// Length of a polyline but for two steps that are nearly all of it: those to a stray point and back.
+fn usual_length(points: &[Vec3]) -> f64 {
+    let mut steps: Vec<f64> = points.windows(2).map(length).collect();
+    steps.sort_unstable_by(f64::total_cmp);
+    let whole = steps.iter().sum::<f64>();
+    let rest = steps.iter().rev().skip(2).sum::<f64>();
+    if 0.0 < rest && rest < STRAY_REST * whole { rest } else { whole }
 }
 
 /// Whether colours run from 0 to 255: none is beyond, and most are too bright for colours up to 1, or all are whole.

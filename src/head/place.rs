@@ -20,7 +20,8 @@ const ROOTS: usize = 600;
 const NEAR: f32 = 0.1;
 /// Another unit or axis than the hair's own holds where at least this share of the roots lies on the head.
 const FITS: f64 = 0.5;
-/// By so much the share must be larger for another unit or axis than the hair's own.
+/// By so much the share must be larger for another unit or axis than the hair's own, and for an axis beside the unit: a ball
+/// fits by any.
 const BETTER: f64 = 0.1;
 
 /// From a head's own frame to the world: turned by `up`, multiplied by `scale`, then moved.
@@ -145,8 +146,9 @@ impl Surface {
             places.par_iter().map(|place| self.share(&roots, near, place)).collect();
         let mut best = 0;
         for (i, share) in shares.iter().enumerate() {
-            let least = if best == 0 { shares[0] + BETTER } else { shares[best] };
-            if *share > least && *share >= FITS {
+            let (one, other) = (&places[best], &places[i]);
+            let more = if best == 0 || one.up != other.up { BETTER } else { 0.0 };
+            if *share > shares[best] + more && *share >= FITS {
                 best = i;
             }
         }
