@@ -153,7 +153,7 @@ impl FileKind {
             return zip(start);
         }
         if srbf::is_cached_fit(start) {
-            let advice = "it needs nothing; give the map that it was made from";
+            let advice = "give the map that it was made from";
             return FileKind::Foreign("a fit of lights that Hairlight keeps in its cache", advice);
         }
         let control = |&byte: &u8| byte < b' ' && !b"\t\n\r\x0b\x0c\x1a\x1b".contains(&byte);
@@ -231,7 +231,7 @@ impl FileKind {
         match self {
             FileKind::Empty => "is empty: export it again".to_owned(),
             FileKind::Foreign(name, remedy) => {
-                format!("is {name}, which Hairlight does not read: {remedy}")
+                format!("is {name}, which cannot be given to Hairlight: {remedy}")
             }
             _ => match self.role() {
                 Some(role) => format!("is {}: {}", self.name(), role.how()),

@@ -89,7 +89,7 @@ fn every_reader_says_what_a_file_is_that_it_cannot_read() {
         let told = refused(&["info", name]);
         let start = format!("error: {name}: is {what}");
         assert!(
-            told.starts_with(&start) && told.contains("which Hairlight does not read: "),
+            told.starts_with(&start) && told.contains("which cannot be given to Hairlight: "),
             "{told}"
         );
     }

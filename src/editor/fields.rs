@@ -41,8 +41,8 @@ pub fn explained(ui: &mut Ui, key: &str, scene: &mut Scene, explain: Explain) {
                 }
             }
             let response = widget(ui, field, &value, &mut next);
-            helped(match parts(field) {
-                [] => response.labelled_by(label.id),
+            helped(match (parts(field), &value) {
+                ([], _) | (_, Value::Unset) => response.labelled_by(label.id),
                 // Each has a name of its own.
                 _ => response,
             });
