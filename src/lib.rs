@@ -9,6 +9,7 @@ pub mod editor;
 pub mod environment;
 pub mod field;
 pub mod file;
+pub mod file_kind;
 pub mod gpu;
 pub mod hair;
 pub mod head;

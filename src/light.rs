@@ -12,7 +12,7 @@ use crate::gpu::method::MethodData;
 use crate::head::HeadRays;
 use crate::lamp::Lamp;
 use crate::srbf::SrbfLight;
-use crate::stage::{Geometry, HEAD_ALBEDO};
+use crate::stage::Geometry;
 use crate::transport::volume::Volume;
 use crate::transport::{Brought, Detail, Occluders, Places, Reach, near, transport};
 
@@ -287,7 +287,12 @@ impl LitHair {
         let palette = Palette::new(grid, stage, &twin);
         let vertices = stage.head.as_ref().map_or(&[][..], |head| &head.positions);
         let head: Vec<_> = vertices.iter().copied().zip(self.head_irradiance()).collect();
-        let lit = field::Lit { lamps: &self.lamps, lights: &self.lights, brought: &self.brought };
+        let lit = field::Lit {
+            lamps: &self.lamps,
+            lights: &self.lights,
+            brought: &self.brought,
+            head_albedo: stage.head_albedo,
+        };
         let field = field::solve(grid, &lit, &head, &palette, &twin, progress);
         if field.is_none() {
             bail!("cancelled");
@@ -349,8 +354,6 @@ impl LitHair {
 
     fn show_at(&self, renderer: &mut Renderer, points: &[u32], reach: Vec<&[u32]>) {
         renderer.set_lights(&self.lamps, &self.lights, points, &reach);
-        let to_radiance = HEAD_ALBEDO / std::f32::consts::PI;
-        let head: Vec<Vec3> = self.head_irradiance().iter().map(|e| *e * to_radiance).collect();
-        renderer.set_head_radiance(&head);
+        renderer.set_head_irradiance(&self.head_irradiance());
     }
 }

@@ -10,26 +10,33 @@ use obvhs::ray::Ray;
 
 use crate::environment::{self, LightMeter};
 use crate::hair::groom::GroomOptions;
-use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended};
-use crate::head::{self, Head, HeadRays};
+use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended, OnHead};
+use crate::head::{
+    self, Fit, Head, HeadRays, LoadedHead, Placement, Surface, Up, Wanted, check_scale, fit_builtin,
+};
 use crate::lamp::Lamp;
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::progress::Clock;
-use crate::scene::{Camera, EnvironmentSpec, Lens, Scene};
+use crate::scene::{Camera, EnvironmentSpec, Lens, Reverse, Scene};
 use crate::srbf::{SrbfLight, split_wide};
 use crate::transport::volume::Volume;
 
-/// Diffuse reflectance of the head: warm clay.
-pub const HEAD_ALBEDO: Vec3 = Vec3::new(0.42, 0.36, 0.32);
 /// Automatic exposure brings the meter's reading here: a third of a stop above what a camera would, since hair is darker
 /// than a grey card.
 const METERED: f64 = 1.25;
+
+/// A head is somewhere else than its hair where less than this share of the roots lies on it, and the builtin head does not
+/// fit where less than that share does.
+const ELSEWHERE: f64 = 0.25;
+const BUILTIN_FITS: f64 = 0.7;
 
 /// Strands and head.
 #[derive(Clone)]
 pub struct Geometry {
     pub hair: Hair,
     pub head: Option<Head>,
+    /// Diffuse reflectance of the head, linear RGB.
+    pub head_albedo: Vec3,
     /// Diameter of a fibre at its thickest, world units.
     pub diameter: f32,
     /// Diameter at each point.
@@ -60,9 +67,13 @@ impl Geometry {
 
     /// Without what is painted.
     pub fn load_bare(scene: &Scene) -> Result<Geometry> {
-        let LoadedHair { hair, mended, assumed, .. } = load_hair(scene)?;
-        let head = load_head(scene)?;
+        let ground = Ground::of(scene)?;
+        let LoadedHair { hair, mended, assumed, .. } = load_hair_on(scene, ground.as_ref())?;
         let mut notes = Vec::new();
+        let head = match ground {
+            Some(ground) => Some(ground.place(&hair, &mut notes)?),
+            None => None,
+        };
         let diameter = match scene.fibre.diameter {
             0.0 => {
                 let fitted = hair::fibre_diameter(&hair);
@@ -72,7 +83,8 @@ impl Geometry {
             given => given as f32,
         };
         notes.extend(assumed.iter().chain(&mended.notes).cloned());
-        Ok(Geometry { mended, notes, ..Geometry::new(hair, head, diameter) })
+        let head_albedo = scene.head.albedo();
+        Ok(Geometry { mended, notes, head_albedo, ..Geometry::new(hair, head, diameter) })
     }
 
     /// Strands whose fibres are `diameter` wide at their thickest, and a head.
@@ -80,8 +92,19 @@ impl Geometry {
         let frames = Frames::new(&hair);
         let (center, radius) = hair.center_radius();
         let (diameters, mended, notes) = Default::default();
-        let mut stage =
-            Geometry { hair, head, diameter, diameters, frames, center, radius, mended, notes };
+        let head_albedo = head::CLAY.into();
+        let mut stage = Geometry {
+            hair,
+            head,
+            head_albedo,
+            diameter,
+            diameters,
+            frames,
+            center,
+            radius,
+            mended,
+            notes,
+        };
         stage.thicken(None);
         stage
     }
@@ -137,7 +160,7 @@ impl Geometry {
         scene.camera.resolve(self.center, self.radius, width / height)
     }
 
-    /// The density volume of `cells` along its longest edge over the hair, strays beyond the fitted radius left out.
+    /// The density volume of `cells` along its longest edge over the hair, but for what is far out.
     pub fn density(&self, cells: usize) -> Volume {
         let mut volume = self.empty_volume(cells);
         self.segments().for_each(|(a, b, diameter)| volume.splat(a, b, diameter));
@@ -146,7 +169,7 @@ impl Geometry {
 
     /// The same without hair in it.
     pub fn empty_volume(&self, cells: usize) -> Volume {
-        let (low, high) = self.hair.bounds();
+        let (low, high) = self.hair.fitted_bounds();
         let (low, high) = (low.max(self.center - self.radius), high.min(self.center + self.radius));
         Volume::empty(low, high, cells)
     }
@@ -218,6 +241,10 @@ impl Geometry {
 
 /// The strands that a scene names.
 pub fn load_hair(scene: &Scene) -> Result<LoadedHair> {
+    load_hair_on(scene, Ground::of(scene)?.as_ref())
+}
+
+fn load_hair_on(scene: &Scene, ground: Option<&Ground>) -> Result<LoadedHair> {
     let spec = &scene.hair;
     let groom = GroomOptions {
         strands: spec.strands as usize,
@@ -227,14 +254,110 @@ pub fn load_hair(scene: &Scene) -> Result<LoadedHair> {
         clump: spec.clump.map(|v| v as f32),
         flyaway: spec.flyaway.map(|v| v as f32),
     };
-    hair::load(&spec.source, &LoadOptions { up: spec.up, scale: spec.scale as f32, groom })
+    let reverse = match spec.reverse {
+        Reverse::Auto => None,
+        Reverse::Yes => Some(true),
+        Reverse::No => Some(false),
+    };
+    let options = LoadOptions { up: spec.up, scale: spec.scale as f32, reverse, groom };
+    // The builtin head fits beneath much that is no root.
+    let ground = ground.filter(|ground| ground.surface.is_some());
+    let on_head = ground.map(|ground| |points: &[Vec3]| ground.fit(points).share);
+    hair::load_on(&spec.source, &options, on_head.as_ref().map(|on_head| on_head as OnHead))
 }
 
-fn load_head(scene: &Scene) -> Result<Option<Head>> {
-    let source = scene.head_source();
-    source
-        .map(|source| Ok(head::load(source, scene.hair.up, scene.hair.scale as f32)?.head))
-        .transpose()
+/// A head that waits for the roots of the hair, to be put beneath them.
+struct Ground<'a> {
+    scene: &'a Scene,
+    source: &'a str,
+    loaded: LoadedHead,
+    /// Of a head from a file.
+    surface: Option<Surface>,
+    wanted: Wanted,
+}
+
+impl<'a> Ground<'a> {
+    fn of(scene: &'a Scene) -> Result<Option<Self>> {
+        let Some(source) = scene.head_source() else { return Ok(None) };
+        let loaded = head::load(source)?;
+        let spec = &scene.head;
+        let wanted = Wanted {
+            up: spec.up,
+            scale: spec.scale.map(|scale| scale as f32),
+            offset: spec.offset.map(|offset| DVec3::from(offset).as_vec3()),
+        };
+        let surface = (source != "builtin").then(|| Surface::new(&loaded.head));
+        Ok(Some(Ground { scene, source, loaded, surface, wanted }))
+    }
+
+    /// Where the transform of the hair puts it.
+    fn own(&self) -> Placement {
+        let hair = &self.scene.hair;
+        let Wanted { up, scale, offset } = self.wanted;
+        // The builtin head is y up, as builtin hair is.
+        let own_up = if self.surface.is_some() { hair.up } else { Up::Y };
+        Placement {
+            up: up.unwrap_or(own_up),
+            scale: scale.unwrap_or(hair.scale as f32),
+            offset: offset.unwrap_or_default(),
+        }
+    }
+
+    /// The place beneath `roots` (world).
+    fn fit(&self, roots: &[Vec3]) -> Fit {
+        match &self.surface {
+            Some(surface) => surface.fit(roots, &self.own(), &self.wanted),
+            None => fit_builtin(roots, &self.wanted),
+        }
+    }
+
+    /// The head beneath `hair`. Tells what was done to it.
+    ///
+    /// # Errors
+    /// One line: no place of the builtin head is beneath the roots.
+    fn place(mut self, hair: &Hair, notes: &mut Vec<String>) -> Result<Head> {
+        notes.extend(self.loaded.notes());
+        let made_for_it = self.surface.is_none() && self.scene.hair.source.starts_with("builtin:");
+        let Wanted { up, scale, offset } = self.wanted;
+        let mut placement = self.own();
+        // The builtin head stands upright unless it is said otherwise.
+        let up_known = up.is_some() || self.surface.is_none();
+        let offset_known = offset.is_some() || self.surface.is_some();
+        let known = made_for_it || up_known && scale.is_some() && offset_known;
+        if !known {
+            let roots: Vec<Vec3> =
+                hair.polylines().filter_map(|points| points.first().copied()).collect();
+            let found = self.fit(&roots);
+            let share = format!("{:.0} % of the roots lie on it", 100.0 * found.share);
+            let said = scale.is_some() || offset.is_some();
+            if self.surface.is_none() && !said && found.share < BUILTIN_FITS {
+                bail!(
+                    "the builtin head does not fit beneath the roots of {}: {share} at best; give a head of its own \
+                     with --head FILE.obj, or --head-scale and --head-offset",
+                    self.scene.hair.source
+                );
+            }
+            let Placement { up, scale, offset } = found.placement;
+            let place = format!(
+                "{up} is up, the scale {scale}, the offset {} {} {}",
+                offset.x, offset.y, offset.z
+            );
+            if found.share < ELSEWHERE {
+                notes.push(format!(
+                    "head: {share} in no likely unit or axis of {}: set --head-scale, --head-up or --head-offset",
+                    self.source
+                ));
+            } else if found.placement != placement {
+                notes.push(format!(
+                    "head: {place}: {share} (--head-up, --head-scale, --head-offset)"
+                ));
+            }
+            placement = found.placement;
+        }
+        check_scale(placement.scale).context("head")?;
+        self.loaded.head.place(&placement);
+        Ok(self.loaded.head)
+    }
 }
 
 /// The map that a scene names; what is unusual about it and what was mended in it is noted.

@@ -106,7 +106,7 @@ fn wrong_input_exits_with_1_and_one_line_and_writes_nothing() {
         (&["capture", "unknown.toml"], "did you mean `output.size`?"),
         (&["capture", "syntax.toml"], "syntax.toml:1:"),
         (&["capture", "conflict.toml"], "conflict.toml: `fibre.sigma_a` and `fibre.color`"),
-        (&["capture", "binary.toml"], "binary.toml: not a scene file"),
+        (&["capture", "binary.toml"], "binary.toml: is not a scene file"),
         (&["capture", "."], ".: "),
         (&["capture", "--hair", "absent.hair"], "absent.hair: "),
         (&["capture", "--hair", "empty.hair"], "empty.hair: "),

@@ -14,7 +14,7 @@ use hairlight::reference::tracer::skin::Skin;
 use hairlight::reference::tracer::strands::Strands;
 use hairlight::reference::tracer::{Sampling, TraceScene, trace};
 use hairlight::scene::{Bcsdf, Pigment, Scene};
-use hairlight::stage::{Geometry, HEAD_ALBEDO};
+use hairlight::stage::Geometry;
 use tempfile::tempdir;
 
 use crate::frames::write_unit_map;
@@ -61,9 +61,9 @@ fn traced(scene: &Scene, samples: u32) -> [f64; 3] {
     let map = environment::load(&scene.environment.source).unwrap().environment;
     let light = Light::map(&map, 0.0, 1.0).unwrap();
     let lens = stage.camera(scene).unwrap().lens(stage.center, scene.output.size);
-    let Geometry { hair, diameters, frames, head, center, .. } = &stage;
+    let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = &stage;
     let strands = Strands::new(hair, diameters, frames, stage.pieces(&lens), *center);
-    let skin = head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center));
+    let skin = head.as_ref().map(|head| Skin::new(head, *head_albedo, *center));
     let fibres = Fibres::new(&scene.fibre, None);
     let traced = TraceScene {
         strands: &strands,

@@ -350,7 +350,7 @@ fn radiance_files_are_read_and_bad_ones_named() {
     };
     refuse("#?RADIANCE\n\n-Y 60000 +X 120000\n", "up to 16384 × 8192");
     refuse("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 2\n", "XYZ");
-    refuse("P6 2 1", "neither an OpenEXR nor a Radiance");
+    refuse("P6 2 1", "is not a lat-long map but text of no kind that Hairlight knows: convert it");
     refuse("", "is empty");
     expect_line(load_path(folder.path()), folder.path(), "cannot be read");
     expect_line(load("builtin:sunrise"), Path::new("builtin:sunrise"), "builtin:sunset");
@@ -589,7 +589,7 @@ fn every_odd_exr_gives_a_map_or_one_clear_line() {
         ("bitflip_07", Line("damaged")),
         ("bitflip_08", Line("damaged")),
         ("bitflip_09", Line("damaged")),
-        ("bitflip_10", Line("neither an OpenEXR")),
+        ("bitflip_10", Line("is not a lat-long map but of no kind that Hairlight knows")),
         ("bitflip_11", Line("damaged")),
         ("claimed_64k_x_32k", Line("65536 × 32768")),
         ("display_window_crop", Map(128, 64)),
@@ -598,13 +598,13 @@ fn every_odd_exr_gives_a_map_or_one_clear_line() {
         ("inverted_window", Line("damaged")),
         ("magic_only", Line("cut short")),
         ("max_float", Line("nothing to light with")),
-        ("not_exr_png", Line("neither an OpenEXR")),
+        ("not_exr_png", Line("is not a lat-long map but a PNG picture")),
         ("odd_255x127", Map(255, 127)),
         ("one_hot_pixel_1e9", Map(512, 256)),
         ("portrait_64x128", Map(64, 128)),
         ("square_128", Map(128, 128)),
         ("strip_4096x1", Map(4096, 1)),
-        ("text", Line("neither an OpenEXR")),
+        ("text", Line("is not a lat-long map but text of no kind")),
         ("tiny_1x1", Map(1, 1)),
         ("tiny_2x1", Map(2, 1)),
         ("trunc_half", Line("cut short")),

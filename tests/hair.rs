@@ -5,7 +5,7 @@ use hairlight::hair::hair_format::{self, HairFile, Header};
 use hairlight::hair::{
     Hair, LoadOptions, LoadedHair, fibre_diameter, load, mend, metre, tfx_format, width_profile,
 };
-use hairlight::head::{self, LoadedHead, Up};
+use hairlight::head::{self, LoadedHead, Placement, Up};
 use std::io::Write;
 
 /// Strands over a half sphere of radius 0.1 that hang down for 0.2, in `points` points each.
@@ -46,7 +46,9 @@ fn load_bytes(bytes: &[u8], options: &LoadOptions) -> anyhow::Result<LoadedHair>
 }
 
 fn load_obj(text: &[u8], up: Up, scale: f32) -> anyhow::Result<LoadedHead> {
-    head::load(file_of(text).path().to_str().unwrap(), up, scale)
+    let mut loaded = head::load(file_of(text).path().to_str().unwrap())?;
+    loaded.head.place(&Placement { up, scale, offset: Vec3::ZERO });
+    Ok(loaded)
 }
 
 /// A header of `.hair`, made apart from the code under test.
@@ -181,9 +183,9 @@ fn hostile_files_give_one_line() {
     let mut single = hair_header(4, 4, 2, 0);
     single.resize(128 + 48, 0);
     let cases = [
-        ("empty", vec![], "neither a .hair nor"),
+        ("empty", vec![], "is empty"),
         ("magic only", b"HAIR".to_vec(), "header of 128 bytes"),
-        ("another format", b"#usda 1.0".to_vec(), "neither a .hair nor"),
+        ("another format", b"#usda 1.0".to_vec(), "is not hair but a USD scene as text"),
         ("no strands", hair_header(0, 4, 2, 1), "holds no strands"),
         ("no points array", hair_header(1, 2, 1, 1), "holds no points array"),
         ("points beyond the file", hair_header(1, all, 2, all - 1), "cut short"),
@@ -486,21 +488,20 @@ fn obj_heads_are_mended_and_given_normals() {
 #[test]
 fn hostile_obj_heads_give_one_line() {
     let cases: [(&[u8], &str); 8] = [
-        (b"", "no triangle"),
+        (b"", "is empty"),
         (b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle"),
         (b"v 0 0 0\nv 1 0 0\nv nan 0 0\nf 1 2 3\n", "no triangle"),
         (b"v 0 0 0\nf 1 2 9\n", "not a sound OBJ"),
         (b"v 0 0 0\nf 1 2 -9223372036854775808\n", "not a sound OBJ"),
         (b"v 0 0 0\nvn 0 0 1\nf 1//1 1//1 1//9999999999999\n", "not a sound OBJ"),
         (b"v 0 zero 0\nf 1 1 1\n", "not a sound OBJ"),
-        (b"HAIR\0\0\0", "no triangle"),
+        (b"HAIR\0\0\0", "is not a head but a .hair groom"),
     ];
     for (text, expected) in cases {
         let line = error_line(load_obj(text, Up::Y, 1.0));
         assert!(line.contains(expected) && line.contains("tmp"), "{line}");
     }
-    assert!(error_line(head::load("nowhere.obj", Up::Y, 1.0)).contains("cannot be read"));
-    assert!(error_line(head::load("builtin", Up::Y, f32::NAN)).contains("scale"));
+    assert!(error_line(head::load("nowhere.obj")).contains("cannot be read"));
 }
 
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
@@ -543,7 +544,7 @@ fn every_groom_and_head_of_the_data_loads_whole() {
         }
     }
     for (name, triangles, dropped) in [("sintel", 5_952, 0), ("vitruvian_bust", 37_334, 2)] {
-        let loaded = head::load(&format!("{DATA}/head/{name}.obj"), Up::Y, 1.0).unwrap();
+        let loaded = head::load(&format!("{DATA}/head/{name}.obj")).unwrap();
         assert_eq!(loaded.head.triangles.len(), triangles, "{name}");
         assert_eq!(loaded.dropped_triangles, dropped, "{name}");
         assert!(loaded.head.normals.iter().all(|n| n.is_normalized()));

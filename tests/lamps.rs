@@ -28,7 +28,7 @@ use hairlight::reference::tracer::{Sampling, TraceScene, trace};
 use hairlight::scattering::model::Model;
 use hairlight::scene::{Energies, LampKind, LampSpec, Lens, PRESETS, Scene};
 use hairlight::srbf::{SrbfLight, split_wide};
-use hairlight::stage::{Geometry, HEAD_ALBEDO, suns};
+use hairlight::stage::{Geometry, suns};
 use hairlight::transport::near::{self, Between};
 use hairlight::transport::volume::Volume;
 use hairlight::transport::{Detail, Occluders, Places, Reach, transport};
@@ -426,11 +426,11 @@ impl View {
     }
 
     fn truth(&self, lamps: &[Lamp], max_depth: u32, samples: u32) -> Picture {
-        let Geometry { hair, diameters, frames, head, center, .. } = &self.stage;
+        let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = &self.stage;
         let light = Light::lobes(&[]).unwrap().with_lamps(lamps, *center);
         let pieces = self.stage.pieces(&self.lens);
         let strands = Strands::new(hair, diameters, frames, pieces, *center);
-        let skin = head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center));
+        let skin = head.as_ref().map(|head| Skin::new(head, *head_albedo, *center));
         let model = hairlight::reference::model_of(&self.scene.fibre);
         let traced = TraceScene {
             strands: &strands,

@@ -16,7 +16,6 @@ use exr::prelude::{
 use glam::{DVec3, Vec3};
 use hairlight::hair::hair_format::{HairFile, Header};
 use hairlight::hair::{self, Hair, LoadOptions};
-use hairlight::head::Up;
 use hairlight::measure::read::Picture;
 use hairlight::paint::{Channel, Paint};
 use hairlight::scene::Scene;
@@ -55,7 +54,7 @@ fn formats() -> Vec<Format> {
         format("json", lights_seeds(), |path| environment::load(text(path))),
         format("hair", hair_seeds(), |path| hair::load(text(path), &LoadOptions::default())),
         format("tfx", tfx_seeds(), |path| hair::load(text(path), &LoadOptions::default())),
-        format("obj", obj_seeds(), |path| head::load(text(path), Up::default(), 1.0)),
+        format("obj", obj_seeds(), |path| head::load(text(path))),
         format("toml", toml_seeds(), Scene::read),
         format("paint", paint_seeds(&groom), move |path| Paint::read(path, &groom)),
     ]

@@ -96,8 +96,8 @@ fn a_file_reads_back_and_is_refused_where_it_does_not_belong() {
     moved.points[3].x += 1e-6;
     let error = Paint::read(&path, &moved).unwrap_err();
     assert!(format!("{error:#}").contains("another groom"), "{error:#}");
-    refused(b"", "builtin:bob", "no paint file");
-    refused(b"[hair]\n", "builtin:bob", "no paint file");
+    refused(b"", "builtin:bob", "is empty");
+    refused(b"[hair]\n", "builtin:bob", "is not paint but a scene file");
     refused(&bytes[..60], "builtin:bob", "cut short");
     refused(&bytes[..bytes.len() - 1], "builtin:bob", "damaged");
     for at in [90, bytes.len() / 2] {

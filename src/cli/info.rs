@@ -1,16 +1,14 @@
 //! `hairlight info`.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use clap::{Arg, ArgMatches, Command};
 
 use super::{print, rows};
+use crate::file_kind::{self, FileKind, Role};
 use crate::hair::LoadOptions;
-use crate::head::Up;
 use crate::scene::Scene;
 use crate::{environment, hair, head, srbf};
 
@@ -23,54 +21,23 @@ pub fn command() -> Command {
     )
 }
 
-const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
-const HDR_MAGIC: &[u8] = b"#?";
-
-/// What a file holds, judged by its first bytes.
-enum FileKind {
-    Hair,
-    Head,
-    Environment,
-    Lights,
-    Scene,
-}
-
 pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     let file = matches.get_one::<String>("file").expect("a required argument");
-    let kind = match file.strip_prefix("builtin:") {
-        Some(style) if hair::groom::STYLES.contains(&style) => FileKind::Hair,
-        Some(_) => FileKind::Environment,
-        None => file_kind(Path::new(file))?,
+    let role = match file.strip_prefix("builtin:") {
+        Some(style) if hair::groom::STYLES.contains(&style) => Role::Hair,
+        Some(_) => Role::Map,
+        None => {
+            let kind = FileKind::of_file(Path::new(file))?;
+            kind.role().with_context(|| format!("{file}: {}", kind.description()))?
+        }
     };
-    print(&match kind {
-        FileKind::Hair => hair_info(file)?,
-        FileKind::Head => head_info(file)?,
-        FileKind::Environment => environment_info(file)?,
-        FileKind::Lights => lights_info(file)?,
-        FileKind::Scene => scene_info(file)?,
-    })
-}
-
-fn file_kind(path: &Path) -> Result<FileKind> {
-    const START: u64 = 4096;
-    let mut start = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(START).read_to_end(&mut start))
-        .with_context(|| format!("{}: cannot be read", path.display()))?;
-    ensure!(!start.is_empty(), "{}: is empty; export it again", path.display());
-    if start.starts_with(&EXR_MAGIC) || start.starts_with(HDR_MAGIC) {
-        return Ok(FileKind::Environment);
-    }
-    if start.starts_with(hair::hair_format::MAGIC) || start.contains(&0) {
-        return Ok(FileKind::Hair);
-    }
-    let text = String::from_utf8_lossy(&start);
-    let mut lines = text.lines().map(str::trim);
-    let first = lines.find(|line| !line.is_empty() && !line.starts_with('#')).unwrap_or_default();
-    Ok(match first.split_whitespace().next().unwrap_or_default() {
-        "v" | "vn" | "vt" | "f" | "o" | "g" | "s" | "mtllib" | "usemtl" => FileKind::Head,
-        word if word.starts_with('{') => FileKind::Lights,
-        _ => FileKind::Scene,
+    print(&match role {
+        Role::Hair => hair_info(file)?,
+        Role::Head => head_info(file)?,
+        Role::Map => environment_info(file)?,
+        Role::Lights => lights_info(file)?,
+        Role::Scene => scene_info(file)?,
+        Role::Paint => format!("{file}: {}\n", FileKind::Paint.description()),
     })
 }
 
@@ -112,7 +79,7 @@ fn mean_length(hair: &hair::Hair) -> f64 {
 }
 
 fn head_info(file: &str) -> Result<String> {
-    let loaded = head::load(file, Up::default(), 1.0)?;
+    let loaded = head::load(file)?;
     let positions = &loaded.head.positions;
     let low = positions.iter().copied().reduce(|a, b| a.min(b)).unwrap_or_default();
     let high = positions.iter().copied().reduce(|a, b| a.max(b)).unwrap_or_default();
@@ -124,7 +91,7 @@ fn head_info(file: &str) -> Result<String> {
         ("computed normals", loaded.computed_normals.to_string()),
         ("lower corner", format!("{:.4} {:.4} {:.4}", low.x, low.y, low.z)),
         ("upper corner", format!("{:.4} {:.4} {:.4}", high.x, high.y, high.z)),
-    ]))
+    ]) + &loaded.notes().iter().map(|note| format!("note: {note}\n")).collect::<String>())
 }
 
 fn environment_info(file: &str) -> Result<String> {
@@ -149,8 +116,9 @@ fn environment_info(file: &str) -> Result<String> {
 }
 
 fn lights_info(file: &str) -> Result<String> {
-    let text = std::fs::read_to_string(file).with_context(|| format!("{file}: cannot be read"))?;
-    let lights = srbf::from_json(&text).with_context(|| file.to_owned())?;
+    let bytes = std::fs::read(file).with_context(|| format!("{file}: cannot be read"))?;
+    let lights =
+        srbf::from_json(&file_kind::lossy_text(&bytes)).with_context(|| file.to_owned())?;
     let lambdas = || lights.iter().map(|light| light.lambda);
     let mut energy = [0.0; 3];
     for light in &lights {

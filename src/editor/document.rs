@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 
 use super::history::History;
 use crate::file::write_whole;
+use crate::file_kind::{FileKind, Role};
 use crate::hair::Hair;
 use crate::live::same;
 use crate::paint::Paint;
@@ -163,23 +164,35 @@ impl Document {
     }
 }
 
-/// Puts a hair, head or map file into a scene, judged by its name; false for any other.
+/// Puts a hair, head or map file into a scene, judged by its name, else by its content; false for what may be a scene
+/// file.
 ///
 /// # Errors
-/// One line, where it is not there.
+/// One line that names the file: it is not there, or is none of these.
 pub fn put_file(scene: &mut Scene, path: &Path) -> Result<bool> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let name = path.to_string_lossy().into_owned();
-    if !["hair", "tfx", "obj", "exr", "hdr", "json"].contains(&extension.as_str()) {
-        return Ok(false);
-    }
-    if !path.is_file() {
+    let by_name = match extension.as_str() {
+        "hair" | "tfx" => Some(Role::Hair),
+        "obj" => Some(Role::Head),
+        "exr" | "hdr" => Some(Role::Map),
+        _ => None,
+    };
+    if by_name.is_some() && !path.is_file() {
         bail!("{name}: cannot be read");
     }
-    match extension.as_str() {
-        "hair" | "tfx" => scene.hair.source = name,
-        "obj" => scene.head.source = name,
-        _ => scene.environment.set_source(name),
+    let kind = match by_name {
+        Some(_) => FileKind::Unknown,
+        None => FileKind::of_file(path)?,
+    };
+    match by_name.or(kind.role()) {
+        Some(Role::Hair) => scene.hair.source = name,
+        Some(Role::Head) => scene.head.source = name,
+        Some(Role::Map | Role::Lights) => scene.environment.set_source(name),
+        _ if matches!(kind, FileKind::Scene | FileKind::Text | FileKind::Empty) => {
+            return Ok(false);
+        }
+        _ => bail!("{name}: {}", kind.description()),
     }
     Ok(true)
 }

@@ -41,8 +41,8 @@ pub fn explained(ui: &mut Ui, key: &str, scene: &mut Scene, explain: Explain) {
                 }
             }
             let response = widget(ui, field, &value, &mut next);
-            helped(match parts(field) {
-                [] => response.labelled_by(label.id),
+            helped(match (parts(field), &value) {
+                ([], _) | (_, Value::Unset) => response.labelled_by(label.id),
                 // Each has a name of its own.
                 _ => response,
             });
@@ -84,6 +84,8 @@ fn name(field: &Field) -> String {
         "environment.source" => "map".to_owned(),
         "environment.exposure" => "light exposure".to_owned(),
         "camera.fov_deg" => "field of view".to_owned(),
+        // Hair has these as well.
+        key if key.starts_with("head.") => format!("head {name}"),
         // There are four of each.
         key if key.starts_with("lamp") => format!("{} {name}", field.group()),
         _ => name,
@@ -237,7 +239,9 @@ fn first_value(field: &Field) -> Option<Value> {
         Kind::Vector { .. } => Value::List(vec![0.0; 3]),
         Kind::Target => Value::Text("20%".to_owned()),
         Kind::Output(endings) => Value::Text(format!("stats.{}", endings.first()?)),
-        Kind::Source { words, .. } => Value::Text((*words.first()?).to_owned()),
+        Kind::Choice(words) | Kind::Source { words, .. } => {
+            Value::Text((*words.first()?).to_owned())
+        }
         // A layer's usual name.
         Kind::Text => Value::Text("Combined".to_owned()),
         _ => return None,

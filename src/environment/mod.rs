@@ -19,11 +19,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::file::read_picture_bytes;
-use crate::openexr;
+use crate::file_kind::{FileKind, Role};
 use crate::srbf::SrbfLight;
 
 pub use mend::Mended;
 pub use meter::LightMeter;
+pub(crate) use read_hdr::MAGIC as HDR_MAGIC;
 
 /// A lat-long radiance map, row-major from the zenith down.
 /// The centre column looks along −z: u = 0.5 + atan2(x, −z)/2π, v = arccos(y)/π.
@@ -270,17 +271,11 @@ fn load_unnamed(source: &str, layer: Option<&str>) -> Result<Loaded> {
         Some(name) => builtin::build(name)?,
         None => {
             let bytes = read_picture_bytes(Path::new(source))?;
-            if bytes.starts_with(&openexr::MAGIC) {
-                read_exr::read(&bytes, layer)?
-            } else if bytes.starts_with(read_hdr::MAGIC) {
-                read_hdr::read(&bytes)?
-            } else if read_lights::are_lights(&bytes) {
-                read_lights::read(&bytes)?
-            } else {
-                bail!(
-                    "is neither an OpenEXR nor a Radiance .hdr file nor a list of lights; \
-                     convert it to one of these"
-                )
+            match FileKind::of(&bytes) {
+                FileKind::OpenExr => read_exr::read(&bytes, layer)?,
+                FileKind::Radiance => read_hdr::read(&bytes)?,
+                FileKind::Lights => read_lights::read(&bytes)?,
+                other => bail!(other.refusal(Role::Map)),
             }
         }
     };

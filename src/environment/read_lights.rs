@@ -3,23 +3,16 @@
 use anyhow::{Context, Result};
 
 use super::{Environment, SourceInfo};
-use crate::srbf;
+use crate::{file_kind, srbf};
 
 /// Width and height of the map. Lights narrower than its pixels are widened to them there, not where they shine on hair.
 const SIZE: [usize; 2] = [1024, 512];
 
-/// Whether the bytes can be nothing else: text that begins with a brace.
-pub fn are_lights(bytes: &[u8]) -> bool {
-    const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-    let text = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
-    text.trim_ascii_start().starts_with(b"{")
-}
-
 /// # Errors
 /// One line without the file's name: it is no list of lights.
 pub fn read(bytes: &[u8]) -> Result<(Environment, SourceInfo)> {
-    let text = std::str::from_utf8(bytes).context("is not text in UTF-8")?;
-    let lights = srbf::from_json(text).context("is no list of lights")?;
+    let text = file_kind::text(bytes).context("is not text in UTF-8")?;
+    let lights = srbf::from_json(&text).context("is no list of lights")?;
     let [width, height] = SIZE;
     let map = srbf::preview(&lights, width, height);
     let info = SourceInfo {

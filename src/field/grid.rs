@@ -5,10 +5,12 @@ use rayon::prelude::*;
 
 use crate::stage::Geometry;
 use crate::transport::Occluders;
-use crate::transport::volume::Volume;
+use crate::transport::volume::{Piece, Volume};
 
 /// Tangents that stand for all: half of them are within 6° of the next.
 const TANGENTS: usize = 256;
+/// Pieces of a segment to the edge of a cell.
+pub(super) const PIECES: f32 = 4.0;
 /// A cell is the head's where less than this share of all directions is open.
 const OPEN: f32 = 0.25;
 
@@ -126,11 +128,9 @@ fn add(
         return;
     }
     let t = (b - a) / length;
-    let pieces = (4.0 * length / volume.cell).ceil().max(1.0);
-    let weight = diameter * length / pieces;
-    for piece in 0..pieces as usize {
-        let p = a.lerp(b, (piece as f32 + 0.5) / pieces);
-        let Some(index) = volume.index_of(p) else { continue };
+    volume.pieces([a, b], PIECES, |Piece { place: p, within, count, .. }| {
+        let Some(index) = volume.index_of(p) else { return };
+        let weight = diameter * within / count;
         let heap = &mut heaps[index];
         heap.tensor += Mat3::from_cols(weight * t.x * t, weight * t.y * t, weight * t.z * t);
         heap.tangent += weight * t;
@@ -148,7 +148,7 @@ fn add(
         if chance * *hair < weight {
             *place = p;
         }
-    }
+    });
 }
 
 /// Of each cell the axis that most hair lies along, on the side that it grows to, as one of few.

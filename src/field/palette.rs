@@ -2,6 +2,7 @@
 
 use glam::Vec3A;
 
+use super::grid::PIECES;
 use super::{Grid, Twin};
 use crate::paint::{Numbers, PointFibre, cluster};
 use crate::scattering::fibre::Fibre;
@@ -60,18 +61,15 @@ fn cell_means(grid: &Grid, stage: &Geometry, points: &[PointFibre]) -> Vec<Numbe
     for strand in stage.hair.strands() {
         let ends = strand.clone().zip(strand.clone().skip(1));
         for ((from, to), (a, b, diameter)) in ends.zip(stage.segments_of(strand)) {
-            let length = a.distance(b);
-            let pieces = (4.0 * length / volume.cell).ceil().max(1.0);
-            for piece in 0..pieces as usize {
-                let f = (piece as f32 + 0.5) / pieces;
-                let index = volume.index_of(a.lerp(b, f)).map(|index| place[index]);
-                let Some(hairy) = index.filter(|&hairy| hairy != u32::MAX) else { continue };
-                let weight = diameter * length / pieces;
+            volume.pieces([a, b], PIECES, |piece| {
+                let index = volume.index_of(piece.place).map(|index| place[index]);
+                let Some(hairy) = index.filter(|&hairy| hairy != u32::MAX) else { return };
+                let weight = diameter * piece.within / piece.count;
                 let (sum, total) = &mut sums[hairy as usize];
-                let numbers = points[from].mix(points[to], f).to_f32();
+                let numbers = points[from].mix(points[to], piece.along).to_f32();
                 sum.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += weight * number);
                 *total += weight;
-            }
+            });
         }
     }
     let mean = |(sum, total): (Numbers, f32)| sum.map(|v| v / total.max(f32::MIN_POSITIVE));

@@ -10,7 +10,6 @@ use super::{Field, Twin};
 use crate::lamp::Lamp;
 use crate::scattering::fast::Fast;
 use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
-use crate::stage::HEAD_ALBEDO;
 use crate::transport::Brought;
 
 /// Rounds end when all that cells send out changes by less than this share of it. White hair takes some 40.
@@ -25,6 +24,8 @@ pub struct Lit<'a> {
     pub lamps: &'a [Lamp],
     pub lights: &'a [SrbfLight],
     pub brought: &'a [Brought],
+    /// Diffuse reflectance of the head.
+    pub head_albedo: Vec3,
 }
 
 /// Light that has met a strand or the head, for the fibres that `palette` has of `twin`'s; `head` has its vertices and
@@ -84,12 +85,12 @@ pub fn solve(
             sent
         })
         .collect();
-    let glow = head_glow(grid, head);
+    let glow = head_glow(grid, head, lit.head_albedo);
 
     let cells = grid.head.len();
     let sweeps: Vec<Sweep> = ordinates.par_iter().map(|one| Sweep::new(grid, one)).collect();
     let head_cells: Vec<usize> = (0..cells).filter(|&cell| grid.head[cell]).collect();
-    let albedo = Vec3A::from(HEAD_ALBEDO);
+    let albedo = Vec3A::from(lit.head_albedo);
     // Ordinate by ordinate: what cells send out against it, and the mean of what comes along it.
     let mut sent = vec![Vec3A::ZERO; count * cells];
     let mut lit = vec![Vec3A::ZERO; count * cells];
@@ -177,11 +178,11 @@ fn products(rows: &[Vec3A], along: &[Vec3A]) -> Vec<Vec3A> {
 }
 
 /// What direct light makes of the head's cells: the mean of its vertices there, radiance.
-fn head_glow(grid: &Grid, head: &[(Vec3, Vec3)]) -> Vec<Vec3A> {
+fn head_glow(grid: &Grid, head: &[(Vec3, Vec3)], albedo: Vec3) -> Vec<Vec3A> {
     let mut sums = vec![(Vec3A::ZERO, 0.0f32); grid.head.len()];
     for &(place, e) in head {
         grid.volume.corners(place, |cell, weight| {
-            sums[cell].0 += weight * Vec3A::from(e * HEAD_ALBEDO / std::f32::consts::PI);
+            sums[cell].0 += weight * Vec3A::from(e * albedo / std::f32::consts::PI);
             sums[cell].1 += weight;
         });
     }

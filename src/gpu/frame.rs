@@ -205,6 +205,8 @@ pub struct Renderer {
     head_corners: wgpu::Buffer,
     head_corner_count: u32,
     head_radiance: wgpu::Buffer,
+    /// Diffuse reflectance of the head, for the light that is set from now on.
+    pub head_albedo: Vec3,
     /// [`NEGLIGIBLE`], or 0 to leave nothing out; for the lights that are set from now on.
     pub negligible: f64,
     lights: wgpu::Buffer,
@@ -279,6 +281,7 @@ impl Renderer {
             head_corners,
             head_corner_count: corners.len() as u32,
             head_radiance,
+            head_albedo: stage.head_albedo,
             negligible: NEGLIGIBLE,
             thinning: 1,
             lights: storage(device, "lights", &[]),
@@ -609,9 +612,10 @@ impl Renderer {
         pipeline
     }
 
-    /// Sets the radiance of the head's vertices.
-    pub fn set_head_radiance(&mut self, radiance: &[Vec3]) {
-        let padded: Vec<Vec4> = radiance.iter().map(|r| r.extend(1.0)).collect();
+    /// Sets the irradiance of the head's vertices.
+    pub fn set_head_irradiance(&mut self, irradiance: &[Vec3]) {
+        let to_radiance = self.head_albedo / std::f32::consts::PI;
+        let padded: Vec<Vec4> = irradiance.iter().map(|&e| (e * to_radiance).extend(1.0)).collect();
         self.head_radiance =
             storage(&self.gpu.device, "head radiance", bytemuck::cast_slice(&padded));
     }

@@ -1,7 +1,7 @@
 //! Mending: after it every strand has two points or more, every step of a strand a direction, and every
 //! value is finite and in range. What was done is counted, never silent.
 
-use super::{Hair, length};
+use super::{Hair, length, median};
 use glam::Vec3;
 
 /// Coordinates from here on count as infinite: their squared distances overflow f32.
@@ -11,6 +11,12 @@ const COORDINATE_LIMIT: f32 = 1e18;
 /// direction. Relative to the strand, so that units do not matter; below the 1/65,535 of the longest strand
 /// that `.hair` can hold with equal steps.
 const SHORTEST_STEP: f64 = 1e-6;
+
+/// Share of a strand's length, below which its two longest steps go to a stray point and back.
+const STRAY_REST: f64 = 1e-3;
+
+/// Colours up to 1 that are a little brighter than they should be end here.
+const BRIGHTEST: f32 = 4.0;
 
 /// What `mend` did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,7 +32,8 @@ pub struct Mended {
 /// Removes points that are NaN, infinite or repeated, then strands of fewer than two points. Thickness that
 /// is NaN, infinite or negative takes the value of the point before it in the strand (the first sound one,
 /// at the root; that of the strand before, where a strand has none); so do colours and transparencies that
-/// are NaN or infinite, and those out of range are clamped to 0…1. A thickness of 0 is left: tips end so.
+/// are NaN or infinite, and those out of range are clamped to 0…1; colours that run from 0 to 255 are divided by that
+/// first. A thickness of 0 is left: tips end so.
 /// An array without one sound value is removed.
 pub fn mend(hair: &mut Hair) -> Mended {
     let strands = hair.strand_count();
@@ -41,8 +48,20 @@ pub fn mend(hair: &mut Hair) -> Mended {
     let mut thickness = hair.thickness.take();
     let bad =
         fill(hair, &mut thickness, &mut altered, |t| (t.is_finite() && t >= 0.0).then_some(t));
-    note(bad, "thicknesses NaN, infinite or negative: neighbour's taken");
+    note(
+        bad,
+        match &thickness {
+            Some(_) => "thicknesses NaN, infinite or negative: neighbour's taken",
+            None => {
+                "thicknesses, which are all, NaN, infinite or negative: strands taper to 0.3 of their width at the tip"
+            }
+        },
+    );
     let mut color = hair.color.take();
+    if let Some(colors) = color.as_mut().filter(|colors| are_bytes(colors)) {
+        colors.iter_mut().flatten().for_each(|c| *c /= 255.0);
+        note(colors.len(), "colours from 0 to 255: taken as such");
+    }
     let bad = fill(hair, &mut color, &mut altered, |c| {
         let sound = c.iter().all(|x| x.is_finite());
         sound.then_some(c.map(|x| x.clamp(0.0, 1.0)))
@@ -60,7 +79,7 @@ pub fn mend(hair: &mut Hair) -> Mended {
     for (strand, altered) in hair.strands().zip(&mut altered) {
         let usable: Vec<usize> = strand.clone().filter(|&i| is_usable(hair.points[i])).collect();
         let points: Vec<Vec3> = usable.iter().map(|&i| hair.points[i]).collect();
-        let shortest = SHORTEST_STEP * length(&points);
+        let shortest = SHORTEST_STEP * usual_length(&points);
         let mut last: Option<Vec3> = None;
         let before = kept;
         for (&i, &point) in usable.iter().zip(&points) {
@@ -98,6 +117,25 @@ pub fn mend(hair: &mut Hair) -> Mended {
     hair.color = color;
     hair.transparency = transparency;
     Mended { mended: altered.iter().filter(|&&a| a).count(), dropped, notes }
+}
+
+/// Length of a polyline but for two steps that are nearly all of it: those to a stray point and back.
+fn usual_length(points: &[Vec3]) -> f64 {
+    let mut steps: Vec<f64> = points.windows(2).map(length).collect();
+    steps.sort_unstable_by(f64::total_cmp);
+    let whole = steps.iter().sum::<f64>();
+    let rest = steps.iter().rev().skip(2).sum::<f64>();
+    if 0.0 < rest && rest < STRAY_REST * whole { rest } else { whole }
+}
+
+/// Whether colours run from 0 to 255: none is beyond, and most are too bright for colours up to 1, or all are whole.
+fn are_bytes(colors: &[[f32; 3]]) -> bool {
+    let finite = || colors.iter().flatten().copied().filter(|c| c.is_finite());
+    let most = finite().fold(0.0, f32::max);
+    let brightest = colors.iter().map(|c| c.iter().copied().fold(0.0, f32::max));
+    finite().all(|c| (0.0..=255.0).contains(&c))
+        && most > 1.0
+        && (median(brightest) > BRIGHTEST || finite().all(|c| c.fract() == 0.0))
 }
 
 fn is_usable(point: Vec3) -> bool {

@@ -5,6 +5,7 @@ pub mod groom;
 pub mod hair_format;
 mod load;
 mod mend;
+mod reverse;
 pub mod tfx_format;
 mod width;
 
@@ -12,8 +13,9 @@ use glam::Vec3;
 use std::ops::Range;
 
 pub use curve::{Frames, normals, pieces};
-pub use load::{FileDetails, LoadOptions, LoadedHair, load};
+pub use load::{FileDetails, LoadOptions, LoadedHair, OnHead, load, load_on};
 pub use mend::{Mended, mend};
+pub use reverse::{Ends, is_reversed, reverse};
 pub use width::{Diameter, fibre_diameter, metre, width_profile};
 
 /// How many times the usual strand's distance and size away from the middle a strand is still part of the
@@ -61,6 +63,25 @@ impl Hair {
     /// and size are strays and left out (in eight grooms the farthest strand reaches 2.9), so that one
     /// strand at 1e7 does not shrink all others to a dot.
     pub fn center_radius(&self) -> (Vec3, f32) {
+        let strays = self.strays();
+        let (low, high) = bounds(self.fitted(&strays));
+        let center = low.midpoint(high);
+        let radius = self.fitted(&strays).map(|p| p.distance(center)).fold(0.0, f32::max);
+        (center, radius)
+    }
+
+    /// Corners of the box around all strands but strays.
+    pub fn fitted_bounds(&self) -> (Vec3, Vec3) {
+        bounds(self.fitted(&self.strays()))
+    }
+
+    fn fitted(&self, strays: &[bool]) -> impl Iterator<Item = &Vec3> {
+        let strands = self.polylines().zip(strays).filter(|(_, stray)| !**stray);
+        strands.flat_map(|(points, _)| points)
+    }
+
+    /// Of each strand, whether it is a stray: see [`Self::center_radius`].
+    pub fn strays(&self) -> Vec<bool> {
         let boxes: Vec<(Vec3, f32)> = self
             .polylines()
             .map(bounds)
@@ -69,16 +90,8 @@ impl Hair {
         let (middle, distance) = median_distance(boxes.iter().map(|b| b.0));
         let size = median(boxes.iter().map(|b| b.1));
         let reach = STRAY_REACH * (distance + size);
-        let fitted = || {
-            self.polylines()
-                .zip(&boxes)
-                .filter(|(_, (center, radius))| center.distance(middle) + radius <= reach)
-                .flat_map(|(points, _)| points)
-        };
-        let (low, high) = bounds(fitted());
-        let center = low.midpoint(high);
-        let radius = fitted().map(|p| p.distance(center)).fold(0.0, f32::max);
-        (center, radius)
+        let held = |(center, radius): &(Vec3, f32)| center.distance(middle) + radius <= reach;
+        boxes.iter().map(|of| !held(of)).collect()
     }
 
     /// Length of all strands together.
@@ -102,7 +115,7 @@ fn bounds<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> (Vec3, Vec3) {
 }
 
 /// The median of each coordinate, and the median distance from there.
-fn median_distance(points: impl Iterator<Item = Vec3> + Clone) -> (Vec3, f32) {
+pub(crate) fn median_distance(points: impl Iterator<Item = Vec3> + Clone) -> (Vec3, f32) {
     let axis = |i: usize| median(points.clone().map(|p| p[i]));
     let middle = Vec3::new(axis(0), axis(1), axis(2));
     let distance = median(points.clone().map(|p| p.distance(middle)));

@@ -26,11 +26,6 @@ pub fn is_tfx(bytes: &[u8]) -> bool {
     version.is_some_and(|v| (1.0..10.0).contains(&v))
 }
 
-/// Whether the bytes begin as the text `.tfx` of TressFX 1 and 2 does.
-pub fn is_text_tfx(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"version ")
-}
-
 /// Reads the bytes of a `.tfx` file. Nothing is mended; nothing is allocated before the counts are known to
 /// fit the bytes. Fails, in one line, where they do not.
 pub fn parse(bytes: &[u8]) -> Result<TfxFile> {

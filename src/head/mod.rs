@@ -2,14 +2,20 @@
 
 pub mod builtin;
 mod obj;
+mod orient;
+mod place;
 mod rays;
 mod up;
 
 use glam::Vec3;
 
 pub use obj::{LoadedHead, load};
+pub use place::{Fit, Placement, Surface, Wanted, fit_builtin};
 pub use rays::HeadRays;
 pub use up::{Up, check_scale};
+
+/// Diffuse reflectance of a head of which nothing else is said, linear RGB: warm clay.
+pub const CLAY: [f32; 3] = [0.42, 0.36, 0.32];
 
 /// A triangle mesh with one unit normal a vertex.
 #[derive(Clone, Debug, Default, PartialEq)]

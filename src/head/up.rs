@@ -48,6 +48,13 @@ impl Up {
     }
 }
 
+impl Up {
+    /// Turns a vector of the world back into the file.
+    pub fn from_world(self, v: Vec3) -> Vec3 {
+        Vec3::from(Vec3::AXES.map(|axis| self.to_world(axis).dot(v)))
+    }
+}
+
 impl fmt::Display for Up {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {

@@ -49,7 +49,7 @@ struct Made<K, T> {
     it: T,
 }
 
-/// What geometry is made from: hair without its paint, head, diameter.
+/// What geometry is made from: hair without its paint, head without its colour, diameter.
 type Shape = (HairSpec, HeadSpec, f64);
 /// What a method is made from, beside paint in memory: fibre, method, the paint's file.
 type Look = (FibreSpec, RenderSpec, Option<String>);
@@ -392,10 +392,12 @@ impl Session {
     fn make_body(&mut self, wish: &Wish, say: Say) -> Result<()> {
         let scene = &wish.scene;
         let hair = HairSpec { paint: None, ..scene.hair.clone() };
-        let from = (hair, scene.head.clone(), scene.fibre.diameter);
+        let head = HeadSpec { color: HeadSpec::default().color, ..scene.head.clone() };
+        let from = (hair, head, scene.fibre.diameter);
         let adapter = &scene.render.adapter;
         let has_gpu = self.gpu.as_ref().is_some_and(|made| made.from == *adapter);
         if self.body.as_ref().is_some_and(|made| made.from == from) && has_gpu {
+            self.color_head(scene, say);
             return Ok(());
         }
         say(Said::Progress("loading hair", 0.0));
@@ -426,6 +428,21 @@ impl Session {
         self.hurry_ready = None;
         self.set_map(scene);
         Ok(())
+    }
+
+    fn color_head(&mut self, scene: &Scene, say: Say) {
+        let (Some(body), Some(renderer)) = (&mut self.body, &mut self.gpu) else { return };
+        let albedo = scene.head.albedo();
+        if body.it.stage.head_albedo == albedo {
+            return;
+        }
+        let mut stage = Geometry::clone(&body.it.stage);
+        stage.head_albedo = albedo;
+        renderer.it.head_albedo = albedo;
+        body.it.stage = Arc::new(stage);
+        self.field = None;
+        self.hurry_ready = None;
+        say(Said::Geometry(body.from.0.clone(), body.it.stage.clone()));
     }
 
     /// Tells what is wrong with shaders, and goes on with the last good ones.

@@ -20,7 +20,7 @@ use crate::reference::tracer::skin::Skin;
 use crate::reference::tracer::strands::Strands;
 use crate::reference::tracer::{Sampling, TraceScene, trace};
 use crate::scene::Lens;
-use crate::stage::{Geometry, HEAD_ALBEDO};
+use crate::stage::Geometry;
 
 /// The first picture has this share of the columns and rows, and so many samples a pixel.
 const FIRST: (u32, u32) = (4, 4);
@@ -112,10 +112,10 @@ impl Question {
             .with_lamps(&stage.lamps(&scene), stage.center);
         let fibres = wish.fibres(stage)?;
         let models = Models::new(&scene.fibre, &fibres);
-        let Geometry { hair, diameters, frames, head, center, .. } = &**stage;
+        let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = &**stage;
         let pieces = stage.pieces(&picture.lens);
         let strands = Strands::new(hair, diameters, frames, pieces, *center);
-        let skin = head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center));
+        let skin = head.as_ref().map(|head| Skin::new(head, *head_albedo, *center));
         let frame = read::Picture::of_frame(&picture.frame);
         let first = picture.lens.size.map(|side| side.div_ceil(FIRST.0));
         for (size, most) in [(first, FIRST.1), (picture.lens.size, MOST_SAMPLES)] {

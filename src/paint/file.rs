@@ -13,9 +13,11 @@ use half::f16;
 
 use super::{Channel, Layer, Paint};
 use crate::file::write_whole;
+use crate::file_kind::{FileKind, Role};
 use crate::hair::Hair;
 
-const MAGIC: &[u8; 7] = b"HLPAINT";
+/// The first bytes of a `.paint` file.
+pub const MAGIC: &[u8; 7] = b"HLPAINT";
 const VERSION: u8 = 1;
 const HASH: usize = blake3::OUT_LEN;
 const HEAD: usize = MAGIC.len() + 1 + HASH + 8 + HASH;
@@ -72,7 +74,7 @@ impl Paint {
     }
 
     fn decode(bytes: &[u8], hair: &Hair) -> Result<Paint> {
-        ensure!(bytes.starts_with(MAGIC), "is no paint file of Hairlight");
+        ensure!(bytes.starts_with(MAGIC), FileKind::of(bytes).refusal(Role::Paint));
         let version = bytes.get(MAGIC.len()).copied().unwrap_or(0);
         ensure!(
             version == VERSION,
@@ -96,6 +98,10 @@ impl Paint {
              belongs to"
         );
         ensure!(rest[8..] == *blake3::hash(packed).as_bytes(), "is damaged: copy it again");
+        ensure!(
+            layers <= Channel::ALL.len(),
+            "has more layers than there are channels: copy it again"
+        );
         let mut planes = ZlibDecoder::new(packed);
         let mut paint = Paint::bare(points);
         for _ in 0..layers {

@@ -12,6 +12,7 @@ mod cluster;
 mod file;
 
 pub use cluster::cluster;
+pub use file::MAGIC;
 
 use bytemuck::{Pod, Zeroable};
 use half::f16;

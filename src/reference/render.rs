@@ -24,7 +24,7 @@ use crate::progress::{Clock, Reporting, Unfinished};
 use crate::quality::Settings;
 use crate::scene::{Background, FIELDS, Lens, Scene};
 use crate::srbf;
-use crate::stage::{Geometry, HEAD_ALBEDO, exposure_scale, load_map, place_lights};
+use crate::stage::{Geometry, exposure_scale, load_map, place_lights};
 
 /// Raise this whenever the same scene would get other samples.
 const VERSION: u32 = 3;
@@ -93,9 +93,9 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
         }
     };
     let light = light.with_lamps(&stage.lamps(scene), stage.center);
-    let Geometry { hair, diameters, frames, head, center, .. } = &stage;
+    let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = &stage;
     let strands = Strands::new(hair, diameters, frames, pieces, *center);
-    let skin = head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center));
+    let skin = head.as_ref().map(|head| Skin::new(head, *head_albedo, *center));
     let models = Models::new(&scene.fibre, &fibres);
     let traced = TraceScene {
         strands: &strands,

@@ -11,7 +11,7 @@ use super::tracer::skin::Skin;
 use super::tracer::strands::{StrandRay, Strands};
 use crate::scattering::dual::D_F;
 use crate::srbf::{SrbfLight, sample_lobe};
-use crate::stage::{Geometry, HEAD_ALBEDO};
+use crate::stage::Geometry;
 use crate::transport::Reach;
 
 /// Rays for one T̃: their own noise is 0.016 at most.
@@ -51,11 +51,11 @@ const LIT: f64 = 0.7;
 
 impl<'a> RealStrands<'a> {
     pub fn new(stage: &'a Geometry) -> Self {
-        let Geometry { hair, diameters, frames, head, center, .. } = stage;
+        let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = stage;
         RealStrands {
             stage,
             strands: Strands::new(hair, diameters, frames, 1, *center),
-            skin: head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center)),
+            skin: head.as_ref().map(|head| Skin::new(head, *head_albedo, *center)),
         }
     }
 

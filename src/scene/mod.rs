@@ -25,8 +25,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use field::choice;
+use glam::Vec3;
 use toml::de::{DeTable, DeValue};
 
+use crate::file_kind::{self, FileKind, Role};
 use crate::head::Up;
 
 /// Everything that a frame is made from.
@@ -42,15 +44,17 @@ pub struct Scene {
     pub output: OutputSpec,
 }
 
-/// Where the strands come from. All but `source`, `up` and `scale` act on builtin grooms alone.
+/// Where the strands come from. `up`, `scale` and `reverse` act on files, the others but `source` and `paint` on builtin
+/// grooms.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HairSpec {
     /// `builtin:STYLE` or a path.
     pub source: String,
-    /// The axis of the file that becomes +y of the world; the head's file follows it.
+    /// The axis of the file that becomes +y of the world.
     pub up: Up,
-    /// World lengths per length in the file; the head's file follows it.
+    /// World lengths per length in the file.
     pub scale: f64,
+    pub reverse: Reverse,
     pub strands: u32,
     pub seed: u32,
     /// Multiplies the style's own length.
@@ -78,11 +82,19 @@ impl field::Slot for Up {
     }
 }
 
-/// Where the head comes from.
+/// Where the head comes from, and where it goes; None is found by where the roots of the hair are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeadSpec {
     /// `auto`, `builtin`, `none` or a path.
     pub source: String,
+    /// World lengths per length in its file.
+    pub scale: Option<f64>,
+    /// The axis of its file that becomes +y of the world.
+    pub up: Option<Up>,
+    /// Where the origin of its file goes, world.
+    pub offset: Option<[f64; 3]>,
+    /// Diffuse reflectance, linear RGB, 0 to 1.
+    pub color: [f64; 3],
 }
 
 /// The distant light.
@@ -124,6 +136,16 @@ pub struct RenderSpec {
     pub energies: Energies,
     /// `auto`, `cpu`, or part of an adapter's name.
     pub adapter: String,
+}
+
+choice! {
+    /// Whether a file has strands from tip to root.
+    Reverse {
+        /// Where the ends lie on a head says so.
+        Auto = "auto",
+        Yes = "yes",
+        No = "no",
+    }
 }
 
 choice! {
@@ -205,6 +227,7 @@ impl Default for HairSpec {
             source: "builtin:bob".to_owned(),
             up: Up::Y,
             scale: 1.0,
+            reverse: Reverse::Auto,
             strands: 20_000,
             seed: 0,
             length: 1.0,
@@ -218,7 +241,20 @@ impl Default for HairSpec {
 
 impl Default for HeadSpec {
     fn default() -> Self {
-        Self { source: "auto".to_owned() }
+        Self {
+            source: "auto".to_owned(),
+            scale: None,
+            up: None,
+            offset: None,
+            color: crate::head::CLAY.map(f64::from),
+        }
+    }
+}
+
+impl HeadSpec {
+    /// Diffuse reflectance, linear RGB.
+    pub fn albedo(&self) -> Vec3 {
+        self.color.map(|c| c as f32).into()
     }
 }
 
@@ -270,9 +306,11 @@ impl Scene {
     pub fn read(path: &Path) -> Result<Scene> {
         let name = path.display();
         let bytes = std::fs::read(path).with_context(|| format!("{name}: cannot be read"))?;
-        let text = String::from_utf8(bytes).map_err(|_| {
-            anyhow!("{name}: not a scene file (TOML); give hair with --hair and a map with --env")
-        })?;
+        let kind = FileKind::of(&bytes);
+        let other = !matches!(kind, FileKind::Scene | FileKind::Text | FileKind::Empty);
+        let Some(text) = file_kind::text(&bytes).filter(|_| !other) else {
+            bail!("{name}: {}", kind.refusal(Role::Scene));
+        };
         let folder = path.parent().unwrap_or(Path::new(""));
         Self::from_toml(&text, &name.to_string(), folder)
     }

@@ -4,8 +4,8 @@ use super::fibre::MOST_MELANIN;
 use super::field::{Alternative, Field, Kind, Slot, Value};
 use super::preset::{self, PRESETS};
 use super::{
-    Background, Bcsdf, Energies, LAMPS, LampKind, Method, Orbit, Pigment, Scattering, Scene,
-    UP_WORDS, View,
+    Background, Bcsdf, Energies, LAMPS, LampKind, Method, Orbit, Pigment, Reverse, Scattering,
+    Scene, UP_WORDS, View,
 };
 use crate::scattering::fibre::BETA_DEG;
 
@@ -132,6 +132,7 @@ const fn view_by(way: &'static str) -> Option<Alternative> {
     Some(Alternative { of: "where the camera stands", way })
 }
 
+const SCALE: Kind = Kind::Number { min: 1e-6, max: 1e6 };
 const ANGLE: Kind = Kind::Number { min: -360.0, max: 360.0 };
 const ELEVATION: Kind = Kind::Number { min: -90.0, max: 90.0 };
 const LAMP_KIND: Kind = Kind::Choice(LampKind::WORDS);
@@ -183,12 +184,13 @@ const PLACES: &[Field] = &[
         Kind::Source { builtins: &crate::hair::groom::STYLES, words: &[] },
         "strands: .hair, .tfx, or a builtin groom"
     ),
-    field!(hair.up, "up", Kind::Choice(UP_WORDS), "axis of the files that points up"),
+    field!(hair.up, "up", Kind::Choice(UP_WORDS), "axis of the hair's file that points up"),
+    field!(hair.scale, "scale", SCALE, "world lengths per length in the hair's file"),
     field!(
-        hair.scale,
-        "scale",
-        Kind::Number { min: 1e-6, max: 1e6 },
-        "world lengths per length in the files"
+        hair.reverse,
+        "reverse",
+        Kind::Choice(Reverse::WORDS),
+        "whether the hair's file has strands from tip to root; auto tells by where they lie"
     ),
     field!(
         hair.strands,
@@ -226,6 +228,19 @@ const PLACES: &[Field] = &[
         "head",
         Kind::Source { builtins: &[], words: &["auto", "builtin", "none"] },
         "head under the hair: .obj; auto is builtin for builtin hair, else none"
+    ),
+    field!(head.scale, "head-scale", SCALE,
+        "world lengths per length in the head's file; auto fits it to the roots", unset: Some("auto")),
+    field!(head.up, "head-up", Kind::Choice(UP_WORDS),
+        "axis of the head's file that points up; auto fits it to the roots", unset: Some("auto")),
+    field!(head.offset, "head-offset", POINT,
+        "where the origin of the head's file goes; auto is 0, and under the roots for builtin",
+        unset: Some("auto")),
+    field!(
+        head.color,
+        "head-color",
+        Kind::Color { min: 0.0, max: 1.0, words: &[] },
+        "diffuse reflectance of the head"
     ),
     field!(
         environment.source,

@@ -82,6 +82,11 @@ fn encode(fit: &Fit) -> Vec<u8> {
     [blake3::hash(&body).as_bytes(), &body[..]].concat()
 }
 
+/// Whether the bytes are those of a fit in the cache.
+pub fn is_cached_fit(bytes: &[u8]) -> bool {
+    decode(bytes).is_some()
+}
+
 fn decode(bytes: &[u8]) -> Option<Fit> {
     let (hash, body) = bytes.split_first_chunk::<32>()?;
     if blake3::hash(body).as_bytes() != hash {

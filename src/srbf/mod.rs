@@ -23,6 +23,7 @@ use crate::scattering::gaussian::concentration as sharpness;
 use harmonics::{Harmonics, band_of_blur};
 
 pub use crate::scattering::gaussian::srbf_integral as lobe_integral;
+pub(crate) use cache::is_cached_fit;
 pub use cache::{cache_folder, fit_cached, fit_cached_in};
 pub use fit::{Fit, MAX_LIGHTS, fit};
 pub use lights_json::{from_json, to_json, write_json};

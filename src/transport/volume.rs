@@ -22,6 +22,17 @@ pub struct Volume {
     hairy: OnceLock<Vec<[u16; 3]>>,
 }
 
+/// A part of a segment, of [`Volume::pieces`].
+#[derive(Clone, Copy)]
+pub struct Piece {
+    /// Its middle, world, and how far along the whole segment that is, 0 to 1.
+    pub place: Vec3,
+    pub along: f32,
+    /// Length of all pieces together, world, and their number.
+    pub within: f32,
+    pub count: f32,
+}
+
 impl Volume {
     /// A volume over the box `min`…`max` with `resolution` cells along its longest edge.
     pub fn empty(min: Vec3, max: Vec3, resolution: usize) -> Volume {
@@ -47,19 +58,65 @@ impl Volume {
         }
         self.hairy.take();
         let t = (b - a) / length;
-        let pieces = (2.0 * length / self.cell).ceil().max(1.0);
-        let weight = diameter * length / pieces / self.cell.powi(3);
         let tensor = [t.x * t.x, t.y * t.y, t.z * t.z, t.x * t.y, t.x * t.z, t.y * t.z];
-        for piece in 0..pieces as usize {
-            let p = a.lerp(b, (piece as f32 + 0.5) / pieces);
-            let mut cells = std::mem::take(&mut self.cells);
-            self.corners(p, |index, share| {
+        let mut cells = std::mem::take(&mut self.cells);
+        self.pieces([a, b], 2.0, |Piece { place, within, count, .. }| {
+            let weight = diameter * within / count / self.cell.powi(3);
+            self.corners(place, |index, share| {
                 for (s, u) in cells[index].iter_mut().zip(tensor) {
                     *s += weight * share * u;
                 }
             });
-            self.cells = cells;
+        });
+        self.cells = cells;
+    }
+
+    /// Calls `with` for equal pieces, `fineness` or more to the cell's edge, of what a segment (world) has in the volume
+    /// or within a cell of it: their number follows from the volume's size, however long the segment is.
+    pub fn pieces(&self, ends: [Vec3; 2], fineness: f32, mut with: impl FnMut(Piece)) {
+        let Some([begin, end]) = self.within(ends) else { return };
+        let [a, b] = ends.map(Vec3::as_dvec3);
+        let whole = (begin, end) == (0.0, 1.0);
+        let length = ends[0].distance(ends[1]);
+        let within = if whole { length } else { (a.distance(b) * (end - begin)) as f32 };
+        let count = (fineness * within / self.cell).ceil().max(1.0);
+        for piece in 0..count as usize {
+            let share = (piece as f32 + 0.5) / count;
+            // In f64, since a stray's end has no digits left for a cell.
+            let (place, along) = match whole {
+                true => (ends[0].lerp(ends[1], share), share),
+                false => {
+                    let along = begin + (end - begin) * f64::from(share);
+                    (a.lerp(b, along).as_vec3(), along as f32)
+                }
+            };
+            with(Piece { place, along, within, count });
         }
+    }
+
+    /// The part of a segment (0 to 1, from its start) that is in the volume or within a cell of it.
+    fn within(&self, ends: [Vec3; 2]) -> Option<[f64; 2]> {
+        let size = Vec3::from(self.dims.map(|n| n as f32));
+        let [a, b] = ends.map(|p| self.to_cells(p));
+        let inside = |p: Vec3| p.cmpge(Vec3::NEG_ONE).all() && p.cmple(size + 1.0).all();
+        if inside(a) && inside(b) {
+            return Some([0.0, 1.0]);
+        }
+        let (mut begin, mut end) = (0.0f64, 1.0f64);
+        let (a, way) = (a.as_dvec3(), b.as_dvec3() - a.as_dvec3());
+        for axis in 0..3 {
+            let (low, high) = (-1.0 - a[axis], f64::from(size[axis]) + 1.0 - a[axis]);
+            if way[axis] == 0.0 {
+                if low > 0.0 || high < 0.0 {
+                    return None;
+                }
+                continue;
+            }
+            let (low, high) = (low / way[axis], high / way[axis]);
+            begin = begin.max(low.min(high));
+            end = end.min(low.max(high));
+        }
+        (begin < end).then_some([begin, end])
     }
 
     /// Of the cell that `p` (world) lies in.
@@ -73,6 +130,10 @@ impl Volume {
     /// Calls `with` for the up to eight cells around `p` (world), with trilinear weights.
     pub fn corners(&self, p: Vec3, mut with: impl FnMut(usize, f32)) {
         let q = self.to_cells(p) - 0.5;
+        // Farther away whole numbers end.
+        if q.abs().max_element() >= 1e9 {
+            return;
+        }
         let base = q.floor();
         let f = q - base;
         for corner in 0..8usize {

@@ -213,7 +213,17 @@ impl Editor {
             }
         });
         egui::CollapsingHeader::new("Hair and head").show(ui, |ui| {
-            for key in ["hair.source", "hair.up", "hair.scale", "head.source"] {
+            for key in [
+                "hair.source",
+                "hair.up",
+                "hair.scale",
+                "hair.reverse",
+                "head.source",
+                "head.up",
+                "head.scale",
+                "head.offset",
+                "head.color",
+            ] {
                 field(ui, key, scene);
             }
             if scene.hair.source.starts_with("builtin:") {

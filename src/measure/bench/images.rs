@@ -37,7 +37,7 @@ use crate::reference::tracer::{Sampling, TraceScene, trace};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{FibreSpec, Lens, PRESETS, Scene};
 use crate::srbf;
-use crate::stage::{Geometry, HEAD_ALBEDO, load_map, place_lights, shaded_lights};
+use crate::stage::{Geometry, load_map, place_lights, shaded_lights};
 use crate::transport::Detail;
 
 /// The seed of path tracing that is judged; the truth's is 0.
@@ -136,7 +136,7 @@ impl<'a> View<'a> {
         let mut renderer = Renderer::new(gpu, method, stage)?;
         let pieces = stage.pieces(&lens);
         let points = renderer.visible_points(&[lens], pieces, samples)?;
-        let Geometry { hair, diameters, frames, head, center, .. } = stage;
+        let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = stage;
         Ok(View {
             medium: Medium::new(stage, &Detail::USUAL),
             stage,
@@ -144,7 +144,7 @@ impl<'a> View<'a> {
             renderer,
             points,
             strands: Strands::new(hair, diameters, frames, pieces, *center),
-            skin: head.as_ref().map(|head| Skin::new(head, HEAD_ALBEDO, *center)),
+            skin: head.as_ref().map(|head| Skin::new(head, *head_albedo, *center)),
             samples,
         })
     }
