@@ -24,8 +24,8 @@ use super::maps::Maps;
 use super::shader_watch::Watch;
 use super::viewport::{self, Shown};
 use crate::gpu::shaders::Shaders;
-use crate::live::{Said, Wish, Worker, same};
-use crate::scene::{HairSpec, Scene};
+use crate::live::{Refusal, Said, Wish, Worker, same};
+use crate::scene::{HairSpec, Scene, frame_within};
 use crate::stage::Geometry;
 use brush_color::BrushColor;
 use files::{Files, PromptKind};
@@ -101,6 +101,8 @@ pub struct Editor {
     progress: Option<(&'static str, f32)>,
     /// What was said last, and whether something is wrong.
     message: Option<(String, bool)>,
+    /// What was said of parts of the scene that cannot be used, since the last picture.
+    refusals: Option<String>,
     notes: Vec<String>,
     files: Files,
     truth: Truth,
@@ -114,6 +116,8 @@ pub struct Editor {
     turning: Option<Instant>,
     /// The light's or the brush's drag under way.
     drag: Option<Drag>,
+    /// Shows the output's frame alone, and not what lies around it.
+    pub frame_only: bool,
     /// Of the picture on the screen.
     rect: Option<Rect>,
 }
@@ -152,6 +156,7 @@ impl Editor {
             places: None,
             progress: None,
             message: None,
+            refusals: None,
             notes: Vec::new(),
             files: Files::default(),
             truth: Truth::default(),
@@ -163,6 +168,7 @@ impl Editor {
             shortcuts: false,
             turning: None,
             drag: None,
+            frame_only: false,
             rect: None,
         }
     }
@@ -238,6 +244,7 @@ impl Editor {
                         self.progress = (!picture.finished).then_some(("refining", 0.0));
                     }
                     self.shown_of = number;
+                    self.refusals = None;
                     self.shown.put(ctx, picture);
                 }
                 Said::Progress(what, done) if number == newest => {
@@ -256,8 +263,32 @@ impl Editor {
                     }
                     self.message = Some((line, true));
                 }
+                Said::Refused(refusal) => self.refused(*refusal),
             }
         }
+    }
+
+    /// Goes on with what can be used in place of a part of the scene that cannot be, in the document and its history.
+    fn refused(&mut self, refusal: Refusal) {
+        let Refusal { part, line, refused, instead } = refusal;
+        self.history.replace(part, &refused, &instead);
+        if part.same(&self.settled, &refused) {
+            part.copy(&instead, &mut self.settled);
+        }
+        // Something else may have been opened meanwhile.
+        if part.same(&self.document.scene, &refused) {
+            self.document.replace(part, &refused, &instead);
+            let line = format!("{line}; in its place: {}", part.describe(&instead));
+            // Of several that are wrong, one is found after another.
+            let before = self.refusals.take().filter(|_| self.is_wrong());
+            let line = before.map_or(line.clone(), |before| format!("{before}\n{line}"));
+            self.message = Some((line.clone(), true));
+            self.refusals = Some(line);
+        }
+    }
+
+    fn is_wrong(&self) -> bool {
+        self.message.as_ref().is_some_and(|(_, wrong)| *wrong)
     }
 
     /// The geometry, once it is that of the document's hair.
@@ -303,7 +334,12 @@ impl Editor {
         }
     }
 
-    /// Of the picture in pixels: the scene's shape, as large as there is room.
+    /// Of the output's frame within the picture, in pixels.
+    fn frame_size(&self, ctx: &egui::Context) -> Option<[u32; 2]> {
+        Some(frame_within(self.document.scene.output.size, self.size(ctx)?))
+    }
+
+    /// Of the picture in pixels.
     fn size(&self, ctx: &egui::Context) -> Option<[u32; 2]> {
         let size = self.rect?.size() * ctx.pixels_per_point();
         (size.x >= 1.0 && size.y >= 1.0).then_some([size.x.round() as u32, size.y.round() as u32])

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use super::history::History;
 use crate::file::write_whole;
 use crate::hair::Hair;
-use crate::live::same;
+use crate::live::{ScenePart, same};
 use crate::paint::Paint;
 use crate::scene::{HairSpec, Scene};
 
@@ -74,6 +74,19 @@ impl Document {
             self.aside.push(gone);
         }
         went || something(&self.named, &self.paint)
+    }
+
+    /// Puts a part of `instead` in place of the one that was refused; paint follows its hair.
+    pub fn replace(&mut self, part: ScenePart, refused: &Scene, instead: &Scene) {
+        part.copy(instead, &mut self.scene);
+        // Without a file of its own nothing is lost by it.
+        let unnamed = self.path.is_none();
+        if let Some((saved, _)) = self.saved.as_mut().filter(|_| unnamed)
+            && part.same(saved, refused)
+        {
+            part.copy(instead, saved);
+        }
+        self.follow_hair();
     }
 
     /// Takes the last step of a history back, or does the next one again; the camera stays. Whether there was one.

@@ -112,6 +112,7 @@ fn picture(
     // Close up from behind, where hair is all that is seen.
     scene.camera.view =
         View::Orbit(Orbit { azimuth_deg: 150.0, elevation_deg: 5.0, distance: Some(1.9) });
+    scene.output.size = [SIDE; 2];
     scene.output.background = Background::Color([0.02; 3]);
     scene.render.samples = Some(4);
     scene.render.adapter = adapter.to_owned();

@@ -13,7 +13,7 @@ mod preset;
 mod table;
 mod target;
 
-pub use camera::{Camera, CameraSpec, Lens, Orbit, View};
+pub use camera::{Camera, CameraSpec, Lens, Orbit, View, frame_within};
 pub use fibre::{ChiangSpec, FibreSpec, Pigment, assembly_color};
 pub use field::{Alternative, Field, Kind, Value, srgb_to_linear};
 pub use lamp::{LAMPS, LampKind, LampSpec};

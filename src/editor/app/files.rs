@@ -104,7 +104,7 @@ impl Editor {
         match put_file(&mut self.document.scene, path) {
             Ok(true) => {
                 self.files.recent.add(path);
-                self.say(format!("Took {}", path.display()));
+                self.say(format!("Opened {}", path.display()));
             }
             Ok(false) => self.leave(Leaving::Open(path.to_owned())),
             Err(error) => self.fail(&error),
@@ -274,7 +274,8 @@ impl Editor {
                 }
             });
             if let Some(scene) = &mut prompt.scene {
-                picture_fields(ui, scene, &self.document.scene.output, self.size(ctx));
+                let window = self.frame_size(ctx);
+                picture_fields(ui, scene, &self.document.scene.output, window);
             }
             ui.horizontal(|ui| {
                 let word = if prompt.kind == PromptKind::Open { "Open" } else { "Save" };

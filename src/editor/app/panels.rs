@@ -57,6 +57,7 @@ impl Editor {
                 if ui.button("Frame the hair").clicked() {
                     viewport::frame(&mut self.document.scene, self.stage.as_deref());
                 }
+                ui.checkbox(&mut self.frame_only, "Output frame only");
                 ui.checkbox(&mut self.truth.on, "Truth beside the frame");
                 let mut turning = self.turning.is_some();
                 if ui.checkbox(&mut turning, "Turntable").clicked() {
