@@ -12,12 +12,14 @@ mod unsaved;
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers, Rect, Ui};
 
 use super::brush::{Brush, Mode, Places, Stroke};
 use super::document::Document;
+use super::fields;
 use super::history::{History, Step};
 use super::light_view::LightView;
 use super::maps::Maps;
@@ -112,6 +114,7 @@ pub struct Editor {
     fibre: fibre::FibreSection,
     unsaved: Unsaved,
     saving: Option<Saving>,
+    cancelled: Option<&'static AtomicBool>,
     shortcuts: bool,
     turning: Option<Instant>,
     /// The light's or the brush's drag under way.
@@ -165,6 +168,7 @@ impl Editor {
             fibre: fibre::FibreSection::default(),
             unsaved: Unsaved::default(),
             saving: None,
+            cancelled: None,
             shortcuts: false,
             turning: None,
             drag: None,
@@ -175,6 +179,7 @@ impl Editor {
 
     /// A frame of the interface.
     pub fn ui(&mut self, ui: &mut Ui) {
+        self.stop_if_cancelled(ui.ctx());
         self.listen(ui.ctx());
         self.keys(ui);
         // A minimised window has no room, and its panels keep the widths that they had.
@@ -187,17 +192,20 @@ impl Editor {
         self.settle(ui.ctx());
         self.ask_truth(ui.ctx());
         self.keep(ui.ctx());
+        if let Some(line) = fields::refused(ui.ctx()) {
+            self.message = Some((line, true));
+        }
     }
 
     fn panels(&mut self, ui: &mut Ui) {
         egui::Panel::top("menu").show(ui, |ui| self.menu(ui));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
-        egui::Panel::right("scene").default_size(330.0).show(ui, |ui| {
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.scene_panel(ui));
-        });
-        egui::Panel::left("tools").exact_size(250.0).show(ui, |ui| {
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.tool_panel(ui));
-        });
+        // Of a small window, or a large interface, the picture keeps a third.
+        let width = ui.available_width();
+        let right = egui::Panel::right("scene").default_size(330.0).max_size(0.38 * width);
+        right.show(ui, |ui| scrolled(ui, 300.0, |ui| self.scene_panel(ui)));
+        let left = egui::Panel::left("tools").exact_size(f32::min(250.0, 0.29 * width));
+        left.show(ui, |ui| scrolled(ui, 225.0, |ui| self.tool_panel(ui)));
         egui::CentralPanel::no_frame().show(ui, |ui| self.viewport(ui));
     }
 
@@ -219,6 +227,22 @@ impl Editor {
     /// The message of the status line.
     pub fn message(&self) -> Option<&str> {
         self.message.as_ref().map(|(line, _)| line.as_str())
+    }
+
+    /// Closes once `cancelled` is set, whatever is not saved: that is kept as it is after a crash. Who sets it wakes the
+    /// window.
+    pub fn stopped_by(mut self, cancelled: &'static AtomicBool) -> Self {
+        self.cancelled = Some(cancelled);
+        self
+    }
+
+    fn stop_if_cancelled(&mut self, ctx: &egui::Context) {
+        let cancelled = self.cancelled.is_some_and(|cancelled| cancelled.load(Ordering::Relaxed));
+        if cancelled && !self.files.may_close {
+            self.keep_now();
+            self.files.may_close = true;
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+        }
     }
 
     /// Draws by the shaders of a folder, read again whenever one of them changes.
@@ -358,6 +382,13 @@ impl Editor {
 
     fn keys(&mut self, ui: &Ui) {
         let ctx = ui.ctx();
+        // What is behind a dialog has no keys.
+        if dialog(ctx) {
+            if !ctx.text_edit_focused() {
+                self.escape(ctx);
+            }
+            return;
+        }
         let pressed = |shortcut: &KeyboardShortcut| ctx.input_mut(|i| i.consume_shortcut(shortcut));
         // The longer shortcut first: its keys hold the shorter's.
         let (redo, undo) = (pressed(&REDO), pressed(&UNDO));
@@ -411,6 +442,13 @@ impl Editor {
         if key(Key::I) {
             self.eyedrop(ctx);
         }
+        self.escape(ctx);
+        if ctx.input(|i| i.events.iter().any(|e| matches!(e, egui::Event::Text(t) if t == "?"))) {
+            self.shortcuts = !self.shortcuts;
+        }
+    }
+
+    fn escape(&mut self, ctx: &egui::Context) {
         // Not taken away: menus and lists close by it too.
         if ctx.input(|i| i.key_pressed(Key::Escape)) {
             self.give_up_stroke();
@@ -421,12 +459,25 @@ impl Editor {
             }
             self.files.give_up();
         }
-        if ctx.input(|i| i.events.iter().any(|e| matches!(e, egui::Event::Text(t) if t == "?"))) {
-            self.shortcuts = !self.shortcuts;
-        }
     }
 
     fn resize_brush(&mut self, by: f32) {
         self.brush.radius = (self.brush.radius * by).clamp(0.003, 0.5);
     }
+}
+
+/// Whether a dialog is open that waits for an answer.
+fn dialog(ctx: &egui::Context) -> bool {
+    !ctx.memory(|memory| memory.is_above_modal_layer(egui::LayerId::background()))
+}
+
+/// Shows what takes a panel's width, `natural` at least, and scrolls where there is no room for it.
+fn scrolled(ui: &mut Ui, natural: f32, show: impl FnOnce(&mut Ui)) {
+    let narrow = ui.available_width() < natural;
+    egui::ScrollArea::new([narrow, true]).auto_shrink(false).show(ui, |ui| {
+        if narrow {
+            ui.set_width(natural);
+        }
+        show(ui);
+    });
 }
