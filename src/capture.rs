@@ -228,6 +228,26 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     stats.write(path)
 }
 
+/// Refuses to write over a file that the scene is made of.
+///
+/// # Errors
+/// One line that names the file.
+pub fn outputs_are_not_inputs(scene: &Scene, outputs: &[&Path]) -> Result<()> {
+    let inputs = [
+        Some(scene.hair.source.as_str()),
+        scene.hair.paint.as_deref(),
+        scene.head_source(),
+        Some(scene.environment.source.as_str()),
+    ];
+    let inputs: Vec<_> = inputs.iter().flatten().filter_map(|p| Path::new(p).canonicalize().ok()).collect();
+    for output in outputs {
+        if output.canonicalize().is_ok_and(|path| inputs.contains(&path)) {
+            bail!("{}: the scene is made of this file: name another one to write", output.display());
+        }
+    }
+    Ok(())
+}
+
 /// The files to write, checked before any work is done.
 struct Outputs {
     frames: Vec<PathBuf>,
@@ -255,6 +275,8 @@ impl Outputs {
         if let Some(path) = frames.first() {
             crate::image::Format::of(path)?;
         }
+        let outputs: Vec<&Path> = frames.iter().chain(&stats).map(PathBuf::as_path).collect();
+        outputs_are_not_inputs(scene, &outputs)?;
         Ok(Outputs { frames, stats })
     }
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 
 use super::history::History;
+use crate::capture::outputs_are_not_inputs;
 use crate::file::write_whole;
 use crate::hair::Hair;
 use crate::live::{ScenePart, same};
@@ -150,6 +151,7 @@ impl Document {
     /// One line that names the file; then nothing counts as saved.
     pub fn save(&mut self, path: &Path, hair: Option<&Hair>) -> Result<()> {
         let mut scene = self.scene.clone();
+        outputs_are_not_inputs(&scene, &[path])?;
         let beside = path.with_extension("paint");
         if self.paint.is_some() {
             if beside == path {

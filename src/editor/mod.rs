@@ -49,6 +49,7 @@ pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
 pub use document::{Document, put_file};
 pub use history::{History, Step};
 pub use light_view::outline;
+pub use thumbnails::{SIDE as PRESET_SIDE, preset_scene};
 
 /// Unsaved work is kept no more often.
 const KEPT_EVERY: Duration = Duration::from_secs(30);
