@@ -239,10 +239,14 @@ pub fn outputs_are_not_inputs(scene: &Scene, outputs: &[&Path]) -> Result<()> {
         scene.head_source(),
         Some(scene.environment.source.as_str()),
     ];
-    let inputs: Vec<_> = inputs.iter().flatten().filter_map(|p| Path::new(p).canonicalize().ok()).collect();
+    let inputs: Vec<_> =
+        inputs.iter().flatten().filter_map(|p| Path::new(p).canonicalize().ok()).collect();
     for output in outputs {
         if output.canonicalize().is_ok_and(|path| inputs.contains(&path)) {
-            bail!("{}: the scene is made of this file: name another one to write", output.display());
+            bail!(
+                "{}: the scene is made of this file: name another one to write",
+                output.display()
+            );
         }
     }
     Ok(())

@@ -55,7 +55,8 @@ pub fn typed_path(text: &str) -> String {
         };
     }
     match (text.strip_prefix('~'), std::env::home_dir()) {
-        (Some(rest), Some(home)) if rest.is_empty() || rest.starts_with(['/', '\\']) => {
+        (Some(""), Some(home)) => home.to_string_lossy().into_owned(),
+        (Some(rest), Some(home)) if rest.starts_with(['/', '\\']) => {
             home.join(rest.trim_start_matches(['/', '\\'])).to_string_lossy().into_owned()
         }
         _ => text.to_owned(),

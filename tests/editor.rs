@@ -208,7 +208,7 @@ fn the_picture_fills_the_viewport_around_the_outputs_frame() {
         key(&mut window, Modifiers::NONE, Key::Escape);
         seen(&mut window);
         let alone = editor(&window).picture().unwrap().size;
-        assert!([0, 1].into_iter().all(|k| alone[k].abs_diff(frame[k]) <= 1), "{alone:?}");
+        assert!([0, 1].into_iter().all(|k| alone[k].abs_diff(frame[k]) <= 2), "{alone:?}");
     }
 }
 
@@ -218,10 +218,16 @@ fn brush_and_truth_follow_the_wider_view() {
     let mut scene = small();
     scene.output.size = [96, 48];
     let document = Document::new(scene, None);
-    let mut window = opened([760.0, 460.0], move |ctx| Editor::new(document.clone(), ctx));
+    let mut window = opened([860.0, 460.0], move |ctx| Editor::new(document.clone(), ctx));
+    seen(&mut window);
+    // A stroke in a window of another shape leaves nothing behind.
+    key(&mut window, Modifiers::NONE, Key::B);
+    let at = middle(&window);
+    drag(&mut window, &[at, at + Vec2::new(1.0, 0.0), at]);
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    window.set_size(Vec2::new(760.0, 460.0));
     seen(&mut window);
     let bare = picture(&window);
-    key(&mut window, Modifiers::NONE, Key::B);
     let brush = &mut window.state_mut().as_mut().unwrap().brush;
     (brush.value, brush.radius) = ([0.0; 3], 0.04);
     let rect = window.get_by_label("Picture").rect();
@@ -232,10 +238,12 @@ fn brush_and_truth_follow_the_wider_view() {
     let [width, height] = editor(&window).picture().unwrap().size;
     let painted = picture(&window);
     let changed: Vec<[f32; 2]> = (0..width * height)
-        .filter(|&i| (0..3).any(|c| {
-            let k = (4 * i + c) as usize;
-            bare[k].abs_diff(painted[k]) > 20
-        }))
+        .filter(|&i| {
+            (0..3).any(|c| {
+                let k = (4 * i + c) as usize;
+                bare[k].abs_diff(painted[k]) > 20
+            })
+        })
         .map(|i| [(i % width) as f32 + 0.5, (i / width) as f32 + 0.5])
         .collect();
     assert!(changed.len() > 20, "{}", changed.len());

@@ -29,7 +29,9 @@ pub fn command() -> Command {
 
 pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     let document = match matches.get_one::<PathBuf>("file") {
-        Some(path) => Document::open(&path.to_str().map_or(path.clone(), |p| typed_path(p).into()))?,
+        Some(path) => {
+            Document::open(&path.to_str().map_or(path.clone(), |p| typed_path(p).into()))?
+        }
         None => Document::new(Scene::default(), None),
     };
     let shaders = matches.get_one::<PathBuf>("shaders").cloned();

@@ -360,16 +360,23 @@ fn source(
 ) -> egui::Response {
     let shown = std::path::Path::new(text);
     let shown = shown.file_name().map_or(text.into(), |name| name.to_string_lossy());
-    let combo = egui::ComboBox::from_id_salt(field.key).selected_text(&*shown).show_ui(ui, |ui| {
+    // A click into the text stays in the list.
+    let stays = egui::PopupCloseBehavior::CloseOnClickOutside;
+    let combo = egui::ComboBox::from_id_salt(field.key).selected_text(&*shown);
+    let combo = combo.close_behavior(stays).show_ui(ui, |ui| {
         let names = builtins.iter().map(|name| format!("builtin:{name}"));
         for name in names.chain(words.iter().map(|&word| word.to_owned())) {
             if ui.selectable_label(name == text, &name).clicked() {
                 *next = Some(Value::Text(name));
+                ui.close();
             }
         }
         ui.separator();
         ui.label("Path of a file");
         typed(ui, field, text, next).accessible_name(format!("Path of the {}", name(field)));
+        if next.is_some() {
+            ui.close();
+        }
     });
     combo.response
 }

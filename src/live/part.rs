@@ -43,12 +43,8 @@ impl ScenePart {
             Self::Head => to.head.clone_from(&from.head),
             Self::Map => {
                 let EnvironmentSpec { rotation_deg, exposure, lights, .. } = to.environment;
-                to.environment = EnvironmentSpec {
-                    rotation_deg,
-                    exposure,
-                    lights,
-                    ..from.environment.clone()
-                };
+                to.environment =
+                    EnvironmentSpec { rotation_deg, exposure, lights, ..from.environment.clone() };
             }
             Self::Camera => to.camera = from.camera,
             Self::Quality => to.render.quality = from.render.quality,

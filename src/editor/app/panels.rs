@@ -93,10 +93,16 @@ impl Editor {
             if let Some((line, wrong)) = &self.message {
                 let color =
                     if *wrong { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
-                ui.colored_label(color, line);
+                let label = egui::Label::new(egui::RichText::new(line).color(color));
+                // One that is cut off is shown whole under the pointer; several stand one below another.
+                ui.add(if line.contains('\n') { label.extend() } else { label.truncate() });
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                if let Some(picture) = &self.shown.picture {
+                // What is said comes first.
+                const ROOM: f32 = 320.0;
+                if let Some(picture) =
+                    self.shown.picture.as_ref().filter(|_| ui.available_width() > ROOM)
+                {
                     ui.weak(format!("{} in {:.0} ms", picture.quality, picture.ms));
                 }
                 if let Some((what, done)) = self.progress {
@@ -256,7 +262,8 @@ impl Editor {
             }
             let picture = self.shown.picture.as_ref();
             if let Some(line) = picture.and_then(|p| p.figures.as_ref()?.picked.as_ref()) {
-                ui.weak(line);
+                // The interface's fonts lack this sign.
+                ui.weak(line.replace(" ⊕", ","));
             }
         });
     }

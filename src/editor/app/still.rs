@@ -135,7 +135,8 @@ impl Editor {
         let [wide, high] = frame.map(|s| s as usize);
         let (left, top) = ((width - wide) / 2, (height - high) / 2);
         let rows = picture.rgba.chunks_exact(4 * width).skip(top).take(high);
-        let rgba: Vec<u8> = rows.flat_map(|row| &row[4 * left..4 * (left + wide)]).copied().collect();
+        let rgba: Vec<u8> =
+            rows.flat_map(|row| &row[4 * left..4 * (left + wide)]).copied().collect();
         ctx.copy_image(egui::ColorImage::from_rgba_unmultiplied([wide, high], &rgba));
         self.say("Copied the picture");
     }
