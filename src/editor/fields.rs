@@ -138,27 +138,24 @@ pub fn number(
         read.set(Some(number.is_none().then(|| text.to_owned())));
         number
     };
-    // The text, and the widget that it is typed into.
+    // The text, and the widget that it is typed into; none once it was left, when egui reads it once more.
     let before: Option<(Option<egui::Id>, String)> = ui.data_mut(|d| d.remove_temp(id));
+    let left = matches!(before, Some((None, _)));
     let color = ui.visuals().override_text_color;
-    if before.is_some() {
+    if before.is_some() && !left {
         ui.visuals_mut().override_text_color = Some(ui.visuals().error_fg_color);
     }
     let response = add(ui, &parser);
     ui.visuals_mut().override_text_color = color;
+    let text = read.take().unwrap_or_else(|| before.as_ref().map(|(_, text)| text.clone()));
+    let Some(text) = text.filter(|_| !left) else { return response };
     let focus = ui.memory(|memory| memory.focused());
-    let text = match (read.take(), before.as_ref()) {
-        (Some(read), _) => read,
-        (None, before) => before.map(|(_, text)| text.clone()),
-    };
-    let stays = focus.is_some() && before.is_none_or(|(of, _)| of == focus);
-    if let Some(text) = text {
-        if stays {
-            ui.data_mut(|d| d.insert_temp(id, (focus, text)));
-        } else if !ui.input(|i| i.key_pressed(egui::Key::Escape)) {
-            refuse(ui, format!("{what}: `{text}` is no number"));
-        }
+    let stays = focus.is_some() && before.as_ref().is_none_or(|(of, _)| *of == focus);
+    let escaped = ui.input(|i| i.key_pressed(egui::Key::Escape));
+    if !stays && !escaped && before.is_some() {
+        refuse(ui, format!("{what}: `{text}` is no number"));
     }
+    ui.data_mut(|d| d.insert_temp(id, (focus.filter(|_| stays), text)));
     response
 }
 
