@@ -6,7 +6,6 @@ use std::time::Instant;
 use anyhow::{Result, bail, ensure};
 
 use crate::environment::LightMeter;
-use crate::file::check_outputs;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
 use crate::gpu::method::MethodData;
@@ -257,11 +256,8 @@ impl Outputs {
             n => (0..n).map(|i| numbered(&path, i, n)).collect(),
         };
         let stats = scene.output.stats.as_ref().map(PathBuf::from);
-        let inputs = scene.files();
-        check_outputs(
-            &frames.iter().chain(&stats).map(PathBuf::as_path).collect::<Vec<_>>(),
-            &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>(),
-        )?;
+        let outputs: Vec<&Path> = frames.iter().chain(&stats).map(PathBuf::as_path).collect();
+        scene.check_outputs(&outputs)?;
         if let Some(path) = frames.first() {
             crate::image::Format::of(path)?;
         }

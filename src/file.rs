@@ -123,6 +123,52 @@ pub fn check_pixels(width: usize, height: usize) -> Result<()> {
     Ok(())
 }
 
+/// The path that is meant by what was typed or pasted: without quotes and blanks around it, `~/` taken as the home and a
+/// `file://` address as the file that it names. What names a file as it stands is left so.
+pub fn typed_path(text: &str) -> String {
+    let text = text.trim();
+    if Path::new(text).exists() {
+        return text.to_owned();
+    }
+    let quoted = |quote: char| text.strip_prefix(quote)?.strip_suffix(quote);
+    let text = quoted('"').or_else(|| quoted('\'')).unwrap_or(text).trim();
+    if let Some(address) = text.strip_prefix("file://") {
+        // What comes before the path is the machine.
+        let path = address.find('/').map_or(address, |at| &address[at..]);
+        let path = percent_decoded(path);
+        return match path.strip_prefix('/').filter(|_| cfg!(windows)) {
+            Some(with_drive) => with_drive.to_owned(),
+            None => path,
+        };
+    }
+    match (text.strip_prefix('~'), std::env::home_dir()) {
+        (Some(""), Some(home)) => home.to_string_lossy().into_owned(),
+        (Some(rest), Some(home)) if rest.starts_with(['/', '\\']) => {
+            home.join(rest.trim_start_matches(['/', '\\'])).to_string_lossy().into_owned()
+        }
+        _ => text.to_owned(),
+    }
+}
+
+/// `%20` and the like as the bytes that they stand for; a sign that no two hexadecimal digits follow stays.
+fn percent_decoded(text: &str) -> String {
+    let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
+    while let Some((&first, after)) = rest.split_first() {
+        let digit = |at: usize| char::from(*after.get(at)?).to_digit(16);
+        match digit(0).zip(digit(1)).filter(|_| first == b'%') {
+            Some((high, low)) => {
+                bytes.push((16 * high + low) as u8);
+                rest = &after[2..];
+            }
+            None => {
+                bytes.push(first);
+                rest = after;
+            }
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 /// A folder that an environment variable names; None where it is not set or empty.
 pub fn folder_of(variable: &str) -> Option<PathBuf> {
     std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from)

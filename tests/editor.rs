@@ -9,7 +9,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use hairlight::editor::{Brush, Canvas, Document, Editor, Falloff, Places, Reach, Stroke};
 use hairlight::paint::{Channel, Paint};
-use hairlight::scene::Scene;
+use hairlight::scene::{Orbit, Scene, View, frame_within};
 use hairlight::stage::Geometry;
 use tempfile::tempdir;
 
@@ -37,14 +37,23 @@ pub fn window_of(document: Document, size: [f32; 2]) -> Window {
     window_on(size, move |ctx| Editor::new(document.clone(), ctx))
 }
 
-/// A window on an editor, once its picture is whole.
+/// A window on an editor that shows the output's frame alone, as `capture` makes it, once its picture is whole.
 pub fn window_on(size: [f32; 2], make: impl Fn(&egui::Context) -> Editor + 'static) -> Window {
+    let mut window = opened(size, move |ctx| {
+        let mut editor = make(ctx);
+        editor.frame_only = true;
+        editor
+    });
+    seen(&mut window);
+    window
+}
+
+/// A window on an editor, at its first frame.
+pub fn opened(size: [f32; 2], make: impl Fn(&egui::Context) -> Editor + 'static) -> Window {
     let app = move |ui: &mut egui::Ui, state: &mut Option<Editor>| {
         state.get_or_insert_with(|| make(ui.ctx())).ui(ui);
     };
-    let mut window = Harness::builder().with_size(size).build_ui_state(app, None);
-    seen(&mut window);
-    window
+    Harness::builder().with_size(size).build_ui_state(app, None)
 }
 
 pub fn editor(window: &Window) -> &Editor {
@@ -132,6 +141,137 @@ fn what_is_shown_is_what_capture_makes() {
     window.get_by_label("red").click();
     seen(&mut window);
     assert!(apart(&picture(&window), captured.as_raw()).1 > 0.05);
+}
+
+/// The rows and columns in the middle of a picture of RGBA bytes.
+fn middle_of(rgba: &[u8], [width, height]: [u32; 2], [wide, high]: [u32; 2]) -> Vec<u8> {
+    let (left, top) = ((width - wide) / 2, (height - high) / 2);
+    let rows = rgba.chunks_exact(4 * width as usize).skip(top as usize).take(high as usize);
+    rows.flat_map(|row| &row[4 * left as usize..4 * (left + wide) as usize]).copied().collect()
+}
+
+#[test]
+fn the_picture_fills_the_viewport_around_the_outputs_frame() {
+    let folder = tempdir().unwrap();
+    let mut scene = small();
+    scene.output.size = [96, 64];
+    let document = Document::new(scene.clone(), None);
+    for size in [[900.0, 420.0], [760.0, 600.0]] {
+        let document = document.clone();
+        let mut window = opened(size, move |ctx| Editor::new(document.clone(), ctx));
+        seen(&mut window);
+        let view = editor(&window).picture().unwrap().size;
+        let room = window.get_by_label("Picture").rect().size();
+        assert_eq!(view, [room.x.round() as u32, room.y.round() as u32], "all of the room");
+        let frame = frame_within([96, 64], view);
+        println!("{view:?} around {frame:?}");
+        assert!(frame[0] == view[0] || frame[1] == view[1]);
+        let shape = f64::from(frame[0]) / f64::from(frame[1]);
+        assert!((shape / 1.5 - 1.0).abs() < 0.01, "the output's shape: {frame:?}");
+        let shown = picture(&window);
+        look(&mut window, &format!("fills-{}.png", size[0]));
+
+        // Within the frame it is what `capture` makes, pixel by pixel; the frame's shape is the scene's but for
+        // rounding, which the distance that frames the hair follows.
+        let mut framed = scene.clone();
+        let stage = Geometry::load(&scene).unwrap();
+        let camera = stage.camera(&scene).unwrap();
+        let distance = (camera.position - camera.target).length() / f64::from(stage.radius);
+        framed.output.size = frame;
+        let orbit = Orbit { distance: Some(distance), ..Orbit::default() };
+        framed.camera.view = View::Orbit(orbit);
+        std::fs::write(folder.path().join("scene.toml"), framed.to_toml()).unwrap();
+        crate::frames::captured(folder.path(), &["scene.toml", "-o", "frame.png"]);
+        let captured = image::open(folder.path().join("frame.png")).unwrap().into_rgba8();
+        let inner = middle_of(&shown, view, frame);
+        let (most, far) = apart(&inner, captured.as_raw());
+        println!("greatest difference {most}, {far:.5} by more than 2");
+        assert!(far < 1e-3, "{most}, {far}");
+        // The control: a pixel aside it is not.
+        let aside: Vec<u8> = [&inner[4..], &inner[..4]].concat();
+        assert!(apart(&aside, captured.as_raw()).1 > 0.05);
+
+        // Outside it goes on: no row or column there is of one colour.
+        let edge = if view[1] > frame[1] { &shown[..4 * view[0] as usize] } else { &shown[..] };
+        let pixels: Vec<&[u8]> = if view[1] > frame[1] {
+            edge.chunks_exact(4).collect()
+        } else {
+            shown.chunks_exact(4 * view[0] as usize).map(|row| &row[..4]).collect()
+        };
+        assert!(pixels.iter().any(|pixel| *pixel != pixels[0]), "the map is seen there");
+
+        // By the switch, the frame alone.
+        window.get_all_by_label("View").next().unwrap().click();
+        window.run_steps(3);
+        window.get_by_label("Output frame only").click();
+        window.run_steps(3);
+        key(&mut window, Modifiers::NONE, Key::Escape);
+        seen(&mut window);
+        let alone = editor(&window).picture().unwrap().size;
+        assert!([0, 1].into_iter().all(|k| alone[k].abs_diff(frame[k]) <= 2), "{alone:?}");
+    }
+}
+
+/// In the wider view the brush paints what is under the pointer, and the truth is traced of all that is seen.
+#[test]
+fn brush_and_truth_follow_the_wider_view() {
+    let mut scene = small();
+    scene.output.size = [96, 48];
+    let document = Document::new(scene, None);
+    let mut window = opened([860.0, 460.0], move |ctx| Editor::new(document.clone(), ctx));
+    seen(&mut window);
+    // A stroke in a window of another shape leaves nothing behind.
+    key(&mut window, Modifiers::NONE, Key::B);
+    let at = middle(&window);
+    drag(&mut window, &[at, at + Vec2::new(1.0, 0.0), at]);
+    key(&mut window, Modifiers::COMMAND, Key::Z);
+    window.set_size(Vec2::new(760.0, 460.0));
+    seen(&mut window);
+    let bare = picture(&window);
+    let brush = &mut window.state_mut().as_mut().unwrap().brush;
+    (brush.value, brush.radius) = ([0.0; 3], 0.04);
+    let rect = window.get_by_label("Picture").rect();
+    // On the hair, off the middle.
+    let at = rect.center() + Vec2::new(-12.0, -20.0);
+    drag(&mut window, &[at, at + Vec2::new(1.0, 0.0), at]);
+    seen(&mut window);
+    let [width, height] = editor(&window).picture().unwrap().size;
+    let painted = picture(&window);
+    let changed: Vec<[f32; 2]> = (0..width * height)
+        .filter(|&i| {
+            (0..3).any(|c| {
+                let k = (4 * i + c) as usize;
+                bare[k].abs_diff(painted[k]) > 20
+            })
+        })
+        .map(|i| [(i % width) as f32 + 0.5, (i / width) as f32 + 0.5])
+        .collect();
+    assert!(changed.len() > 20, "{}", changed.len());
+    let mean = [0, 1].map(|k| changed.iter().map(|p| p[k]).sum::<f32>() / changed.len() as f32);
+    let pointer = at - rect.min;
+    println!("{} pixels around {mean:?}, the pointer at {pointer:?}", changed.len());
+    let radius = 0.04 * rect.height();
+    assert!((mean[0] - pointer.x).hypot(mean[1] - pointer.y) < 0.7 * radius);
+    // The control: the frame's own middle is elsewhere.
+    assert!((mean[0] - 0.5 * rect.width()).hypot(mean[1] - 0.5 * rect.height()) > radius);
+
+    key(&mut window, Modifiers::NONE, Key::R);
+    let begun = Instant::now();
+    let judged = loop {
+        window.step();
+        let truth = editor(&window).truth().filter(|t| t.samples >= 4 && t.judged.is_some());
+        if let Some(truth) = truth {
+            assert_eq!(truth.size, [width, height]);
+            break truth.judged.as_ref().unwrap().report.clone();
+        }
+        assert!(begun.elapsed() < Duration::from_secs(120), "no truth");
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    window.run_steps(2);
+    look(&mut window, "truth-wide.png");
+    let expected = editor(&window).picture().unwrap().figures.clone().unwrap().expected.total;
+    println!("expected {expected:.3}, measured {:.3}", judged.error());
+    assert!(judged.error() / expected > 0.4 && judged.error() / expected < 2.5);
 }
 
 #[test]

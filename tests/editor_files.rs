@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use eframe::egui::accesskit::Role;
 use eframe::egui::{self, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::kittest::Queryable;
 use hairlight::editor::{Document, Editor};
+use hairlight::file::typed_path;
 use hairlight::paint::Paint;
 use hairlight::stage::Geometry;
 use tempfile::tempdir;
@@ -298,23 +300,21 @@ fn paint_in_a_file_stays_with_its_hair() {
     assert!(!editor(&window).document.changed());
     assert!(apart(&picture(&window), &painted).0 <= 1);
 
-    // The same file named for other hair: the reason is said, and it can be taken out.
+    // The same file named for other hair: the reason is said, and that hair is seen without it.
     let mut scene = small();
     scene.hair.strands = 1200;
+    let bare = picture(&self::window(Document::new(scene.clone(), None)));
     scene.hair.paint = Some(path.with_extension("paint").to_string_lossy().into_owned());
     let other = folder.path().join("other.toml");
     std::fs::write(&other, scene.to_toml()).unwrap();
     window.state_mut().as_mut().unwrap().open(&other);
     until(&mut window, "said", |window| message(window).contains("painted.paint"));
     assert!(message(&window).contains("another groom"), "{}", message(&window));
-    assert!(apart(&picture(&window), &painted).0 <= 1, "the last good one stays");
-    window.set_size(Vec2::new(860.0, 1800.0));
-    window.run_steps(2);
-    click(&mut window, "Hair and head");
-    click(&mut window, "Leave paint none");
-    window.set_size(Vec2::new(860.0, 420.0));
     seen(&mut window);
-    assert!(apart(&picture(&window), &painted).1 > 0.02);
+    assert!(message(&window).ends_with("in its place: no paint"), "{}", message(&window));
+    assert_eq!(named(&window), None);
+    assert!(apart(&picture(&window), &bare).0 <= 1);
+    assert!(apart(&picture(&window), &painted).1 > 0.02, "the control");
 }
 
 #[derive(Debug)]
@@ -575,4 +575,120 @@ fn a_picture_is_saved_as_capture_makes_it() {
         });
     let size = self::editor(&window).picture().unwrap().size.map(|s| s as usize);
     assert_eq!(copied, Some(size), "{}", message(&window));
+}
+
+/// What is typed or pasted for a path: quotes, the home, an address as file managers give it.
+#[test]
+fn paths_are_read_as_they_are_pasted() {
+    let home = std::env::home_dir().unwrap().to_string_lossy().into_owned();
+    for (typed, path) in [
+        ("/a/b.hair", "/a/b.hair"),
+        ("  /a/b.hair\n", "/a/b.hair"),
+        ("'/a/b c.hair'", "/a/b c.hair"),
+        ("\"/a/b c.hair\"", "/a/b c.hair"),
+        ("file:///a/b%20c%25.hair", "/a/b c%.hair"),
+        ("file://localhost/a/%E6%97%A5.hair", "/a/日.hair"),
+        ("'file:///a/b.hair'", "/a/b.hair"),
+        ("file:///a/100%.hair", "/a/100%.hair"),
+        ("builtin:bob", "builtin:bob"),
+        ("~user/b.hair", "~user/b.hair"),
+        ("a~/b.hair", "a~/b.hair"),
+        ("it's.hair", "it's.hair"),
+    ] {
+        assert_eq!(typed_path(typed), path, "{typed}");
+    }
+    assert_eq!(typed_path("~/b.hair"), format!("{home}/b.hair"));
+    assert_eq!(typed_path("'~/b.hair'"), format!("{home}/b.hair"));
+    assert_eq!(typed_path("~"), home);
+    let folder = tempdir().unwrap();
+    let odd = folder.path().join("'odd'");
+    std::fs::write(&odd, "").unwrap();
+    assert_eq!(typed_path(odd.to_str().unwrap()), odd.to_string_lossy(), "it is there");
+
+    // Wherever one is typed.
+    crate::frames::write_tuft(folder.path());
+    crate::frames::write_unit_map(folder.path());
+    let [hair, map] = ["two words.hair", "two words.exr"].map(|name| folder.path().join(name));
+    std::fs::rename(folder.path().join("strands.hair"), &hair).unwrap();
+    std::fs::rename(folder.path().join("unit.exr"), &map).unwrap();
+    let address = |path: &Path| format!("file://{}", path.display()).replace(' ', "%20");
+    let mut window = crate::editor::window_of(Document::new(small(), None), [1280.0, 1600.0]);
+    let scene = |window: &Window| editor(window).document.scene.clone();
+    key(&mut window, Modifiers::COMMAND, Key::O);
+    window.run_steps(2);
+    type_path(&mut window, Path::new(&address(&hair)));
+    assert_eq!(scene(&window).hair.source, hair.to_string_lossy(), "{}", message(&window));
+    window.get_by_role_and_label(Role::ComboBox, "map").click();
+    window.run_steps(3);
+    window.get_by_label("Path of the map").click();
+    window.run_steps(2);
+    key(&mut window, Modifiers::COMMAND, Key::A);
+    window.event(egui::Event::Text(format!("'{}'", map.display())));
+    window.run_steps(2);
+    key(&mut window, Modifiers::NONE, Key::Enter);
+    window.run_steps(3);
+    assert_eq!(scene(&window).environment.source, map.to_string_lossy());
+    seen(&mut window);
+    key(&mut window, Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
+    window.run_steps(2);
+    let saved = folder.path().join("saved scene.toml");
+    type_path(&mut window, Path::new(&address(&saved)));
+    assert!(saved.is_file(), "{}", message(&window));
+    click(&mut window, "Browse maps…");
+    window.get_by_label("Folder").focus();
+    window.step();
+    key(&mut window, Modifiers::COMMAND, Key::A);
+    window.event(egui::Event::Text(format!("\"{}\"", folder.path().display())));
+    window.step();
+    click(&mut window, "Add");
+    until(&mut window, "listed", |window| window.query_by_label("Map two words.exr").is_some());
+}
+
+/// A scene is not written over a file that it is made of.
+#[test]
+fn a_scene_is_not_saved_over_its_hair() {
+    let folder = tempdir().unwrap();
+    crate::frames::write_tuft(folder.path());
+    let hair = folder.path().join("strands.hair");
+    let before = std::fs::read(&hair).unwrap();
+    let mut scene = small();
+    scene.hair.source = hair.to_string_lossy().into_owned();
+    let mut document = Document::new(scene, None);
+    let line = format!("{:#}", document.save(&hair, None).unwrap_err());
+    println!("{line}");
+    assert!(line.contains("strands.hair") && !line.contains('\n'), "{line}");
+    assert_eq!(std::fs::read(&hair).unwrap(), before);
+    // The control: anywhere else it is, again and again.
+    let toml = folder.path().join("scene.toml");
+    document.save(&toml, None).unwrap();
+    document.save(&toml, None).unwrap();
+}
+
+/// Ctrl-C in the terminal closes the window, and what was not saved is offered at the next start.
+#[test]
+fn a_window_that_is_stopped_keeps_its_work() {
+    static STOPPED: AtomicBool = AtomicBool::new(false);
+    let folder = tempdir().unwrap();
+    let state = folder.path().join("state");
+    let own = state.clone();
+    let mut window = window_on([860.0, 420.0], move |ctx| {
+        let editor = Editor::new(Document::new(small(), None), ctx).stopped_by(&STOPPED);
+        // No work is kept before the first hour.
+        editor.keeping(&own, Duration::from_secs(3600), ctx)
+    });
+    exposed(&mut window, 1.0);
+    window.run_steps(3);
+    // What follows the first edit waits.
+    exposed(&mut window, 2.0);
+    window.run_steps(3);
+    assert!(!commanded(&window, &egui::ViewportCommand::Close), "the control");
+    STOPPED.store(true, std::sync::atomic::Ordering::Relaxed);
+    window.step();
+    assert!(commanded(&window, &egui::ViewportCommand::Close));
+    assert!(closes(&mut window), "nothing is asked");
+    drop(window);
+    let mut again = keeping(Document::new(small(), None), &state);
+    click(&mut again, "Recover untitled");
+    until(&mut again, "recovered", |window| editor(window).document.changed());
+    assert_eq!(editor(&again).document.scene.environment.exposure, 2.0);
 }

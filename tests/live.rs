@@ -5,10 +5,11 @@ use std::sync::{Arc, Mutex};
 
 use hairlight::gpu::shaders::Shaders;
 use hairlight::head::Head;
-use hairlight::live::{Picture, Said, Session, Wish};
+use hairlight::live::{Picture, Said, ScenePart, Session, Wish};
 use hairlight::paint::{Channel, Fibres, Paint};
-use hairlight::scene::{Lens, Orbit, View};
+use hairlight::scene::{Lens, Orbit, Scattering, Scene, View, parse_assignment};
 use hairlight::stage::Geometry;
+use tempfile::tempdir;
 
 use crate::editor::small;
 
@@ -171,4 +172,104 @@ fn repainted_fibres_are_those_of_the_new_paint() {
     assert_eq!(apart(&known, &fresh.repainted(&more, &before)), 0);
     // All of it undone, the hair is even again.
     assert!(!fresh.repainted(&more, &Paint::bare(points)).painted());
+}
+
+/// The first picture of pale hair has the light that strands send each other.
+#[test]
+fn the_first_preview_is_as_bright_as_the_finished_picture() {
+    let mut scene = small();
+    let white = hairlight::scene::PRESETS.iter().find(|preset| preset.name == "white").unwrap();
+    scene.fibre.set_preset(white);
+    // Over the hair, mean luminance of linear radiance.
+    let brightness = |picture: &Picture| {
+        let frame = &picture.frame;
+        let [mut sum, mut covered] = [0.0; 2];
+        for (pixel, hair) in frame.pixels.iter().zip(&frame.hair_coverage) {
+            sum += hair * hairlight::image::luminance([pixel[0], pixel[1], pixel[2]]);
+            covered += hair;
+        }
+        f64::from(sum / covered)
+    };
+    let pictures = |scene: &Scene| {
+        let said = Mutex::new(Vec::new());
+        let say = |what: Said| {
+            if let Said::Picture(picture) = what {
+                said.lock().unwrap().push(brightness(&picture));
+            }
+        };
+        let wish = Wish::new(scene.clone(), [96, 96]);
+        assert!(Session::default().see(&wish, &|| true, &say).unwrap());
+        said.into_inner().unwrap()
+    };
+    let shown = pictures(&scene);
+    let (first, last) = (shown[0], *shown.last().unwrap());
+    println!("first {first:.3}, finished {last:.3}");
+    assert!(shown.len() > 1 && (first / last - 1.0).abs() < 0.1, "{shown:?}");
+    // The control: single scattering, which a first picture without that light would be.
+    scene.render.scattering = Scattering::Single;
+    let single = *pictures(&scene).last().unwrap();
+    println!("single scattering {single:.3}");
+    assert!(single < 0.7 * last, "{single} of {last}");
+}
+
+/// What cannot be loaded is said to be, by its part, and what there was can be seen.
+#[test]
+fn a_refusal_names_the_part_and_what_can_be_used() {
+    let folder = tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    for (name, bytes) in [
+        ("bad.hair", &b"HAIR but not really"[..]),
+        ("bad.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"),
+        ("bad.exr", b"no map"),
+        ("bad.paint", b"no paint"),
+    ] {
+        std::fs::write(path(name), bytes).unwrap();
+    }
+    let good = small();
+    let mut session = Session::default();
+    see(&mut session, &Wish::new(good.clone(), [64, 64]));
+    let set = |to: String| {
+        let mut scene = good.clone();
+        scene.apply(vec![parse_assignment(&to).unwrap()]).unwrap();
+        scene
+    };
+    for (part, to) in [
+        (ScenePart::Hair, format!("hair.source={}", path("bad.hair"))),
+        (ScenePart::Head, format!("head.source={}", path("bad.obj"))),
+        (ScenePart::Map, format!("environment.source={}", path("bad.exr"))),
+        (ScenePart::Paint, format!("hair.paint={}", path("bad.paint"))),
+        (ScenePart::Adapter, "render.adapter=no such adapter".to_owned()),
+        (ScenePart::Camera, "camera.position=0,0,0".to_owned()),
+    ] {
+        let mut scene = set(to);
+        if part == ScenePart::Camera {
+            scene.camera.target = Some([0.0; 3]);
+        }
+        let wish = Wish::new(scene, [64, 64]);
+        let error = session.see(&wish, &|| true, &|_| {}).unwrap_err();
+        let Said::Refused(refusal) = session.refusal(&wish.scene, &error) else {
+            panic!("{part:?}: no part is refused: {error:#}");
+        };
+        println!("{part:?}: {}", refusal.line);
+        assert_eq!(refusal.part, part);
+        assert!(!refusal.line.contains('\n'));
+        let mut mended = wish.scene.clone();
+        part.copy(&refusal.instead, &mut mended);
+        assert!(mended == good, "{part:?}: the last good one");
+        let picture = see(&mut session, &Wish::new(mended, [64, 64]));
+        assert!(picture.finished, "{part:?}: and it is seen");
+    }
+    // Files that are gone are not asked for again, whatever device they are shown on.
+    crate::frames::write_tuft(folder.path());
+    let tuft = set(format!("hair.source={}", path("strands.hair")));
+    let before = see(&mut session, &Wish::new(tuft.clone(), [64, 64]));
+    std::fs::remove_file(path("strands.hair")).unwrap();
+    let mut other = tuft.clone();
+    other.render.adapter = "auto".to_owned();
+    assert!(see(&mut session, &Wish::new(other, [64, 64])).rgba.len() == before.rgba.len());
+    // The control: a session that never saw them is refused, and takes the default in their place.
+    let mut fresh = Session::default();
+    let error = fresh.see(&Wish::new(tuft.clone(), [64, 64]), &|| true, &|_| {}).unwrap_err();
+    let Said::Refused(refusal) = fresh.refusal(&tuft, &error) else { panic!("{error:#}") };
+    assert_eq!((refusal.part, &*refusal.instead.hair.source), (ScenePart::Hair, "builtin:bob"));
 }

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The real window, under Xvfb through lavapipe: by pointer and keys alone it is opened, painted on, undone, redone,
-# saved and closed.
+# saved and closed; given a broken file, shown large, and stopped by Ctrl-C.
 #     tests/window.sh [--shots FOLDER]
 # leaves pictures of the window in FOLDER. It uses target/release/hairlight, which `cargo build --release` makes.
 set -euo pipefail
@@ -72,11 +72,26 @@ adapter = "cpu"
 size = [480, 400]
 SCENE
 begun=$SECONDS
-"$hairlight" view "$home/scene.toml" >"$home/said" 2>&1 &
-window=$!
-until_ "a window" xdotool search --onlyvisible --name '^Hairlight$'
-id=$(xdotool search --onlyvisible --name '^Hairlight$' | head -1)
-xdotool windowfocus "$id"
+# Opens a window on a file.
+open_window() {
+    : >"$home/said"
+    "$hairlight" view "$1" >"$home/said" 2>&1 &
+    window=$!
+    until_ "a window" xdotool search --onlyvisible --name '^Hairlight$'
+    id=$(xdotool search --onlyvisible --name '^Hairlight$' | head -1)
+    xdotool windowfocus "$id"
+}
+now_ms() { date +%s%3N; }
+# Whether a part of the screen has more than so many colours.
+has_colours() { [ "$(import -window root -crop "$2" +repage png:- | identify -format %k png:-)" -gt "$1" ]; }
+
+started=$(now_ms)
+open_window "$home/scene.toml"
+opened=$(now_ms)
+until_ "pictures of the presets" has_colours 1000 300x50+975+50
+presets=$(now_ms)
+echo "window.sh: a window after $((opened - started)) ms, pictures of the presets after $((presets - started)) ms"
+[ $((presets - opened)) -le 2000 ] || fail "pictures of the presets took $((presets - opened)) ms"
 
 # The picture in the middle, as it is on the screen.
 seen() { import -window root -crop 560x480+320+150 +repage rgb:- | md5sum; }
@@ -99,7 +114,7 @@ rest() {
     done
     fail "the picture does not come to rest"
 }
-is_colourful() { [ "$(import -window root -crop 560x480+320+150 +repage png:- | identify -format %k png:-)" -gt 1000 ]; }
+is_colourful() { has_colours 1000 560x480+320+150; }
 shot() { [ -z "$shots" ] || import -window root "$shots/$1.png"; }
 aside() { xdotool mousemove 640 796; }
 
@@ -107,6 +122,35 @@ until_ "a picture" is_colourful
 aside
 rest >/dev/null
 shot view
+
+# The picture fills the room from bar to bar: there is nothing black above and below the frame.
+for place in 640,40 640,760; do
+    dark=$(import -window root -crop "1x1+${place/,/+}" +repage png:- | convert png:- -format '%[fx:mean<0.05]' info:)
+    [ "$dark" = 0 ] || fail "the picture does not reach $place"
+done
+
+# A broken file stops nothing: presets, undo and a good file are seen.
+printf 'HAIR but not really' >"$home/broken.hair"
+open_path() {
+    xdotool key ctrl+o
+    sleep 1
+    xdotool key ctrl+a
+    xdotool type --delay 5 "$1"
+    sleep 0.3
+    xdotool key Return
+}
+before=$(rest)
+open_path "$home/broken.hair"
+sleep 1
+aside
+[ "$(rest)" = "$before" ] || fail "a broken file changes the picture"
+shot broken
+xdotool mousemove 1197 72 click 1
+aside
+until_ "a preset after a broken file" is_other "$before"
+rest >/dev/null
+xdotool key ctrl+z
+until_ "the preset is undone" is_seen "$before"
 
 xdotool key b
 bare=$(rest)
@@ -154,14 +198,69 @@ until_ "the truth stands beside the frame" is_other "$whole"
 shot truth
 xdotool key r
 
+# Waits until the window is gone; `ended` is what it ended with.
+gone() {
+    local k
+    for ((k = 0; k < 100; k++)); do
+        kill -0 "$window" 2>/dev/null || break
+        sleep 0.1
+    done
+    kill -0 "$window" 2>/dev/null && fail "the window does not close"
+    ended=0
+    wait "$window" || ended=$?
+    window=""
+}
+# Ctrl-C in the terminal.
+stop() {
+    local asked
+    asked=$(now_ms)
+    kill -INT "$window"
+    gone
+    echo "window.sh: gone $(($(now_ms) - asked)) ms after Ctrl-C"
+    [ "$ended" = 130 ] || fail "Ctrl-C: it ended with $ended"
+    [ "$(cat "$home/said")" = cancelled ] || fail "Ctrl-C: it said something else"
+}
+unsaved() { ls "$home/state/hairlight/unsaved" 2>/dev/null; }
+
 xdotool key ctrl+q
-for ((k = 0; k < 100; k++)); do
-    kill -0 "$window" 2>/dev/null || break
-    sleep 0.2
-done
-kill -0 "$window" 2>/dev/null && fail "the window does not close"
-wait "$window" || fail "it ended with $?"
-window=""
+gone
+[ "$ended" = 0 ] || fail "it ended with $ended"
 [ ! -s "$home/said" ] || fail "it said something"
-[ -z "$(ls "$home/state/hairlight/unsaved" 2>/dev/null)" ] || fail "unsaved work was left"
+[ -z "$(unsaved)" ] || fail "unsaved work was left"
+
+# Names of files in scripts that the interface's own fonts lack, where the system has fonts of them.
+if [ -n "$(fc-list :lang=ja 2>/dev/null)" ]; then
+    names=""
+    for name in 日本語 髪漢字; do
+        cp "$home/scene.toml" "$home/$name.toml"
+        open_window "$home/$name.toml"
+        until_ "a picture" is_colourful
+        shot "$name"
+        names="$names $(import -window root -crop 180x20+1095+3 +repage rgb:- | md5sum | cut -c1-8)"
+        stop
+    done
+    # Signs that stand for what is missing are all alike.
+    read -r one other <<<"$names"
+    [ "$one" != "$other" ] || fail "names in Japanese and Chinese are not shown"
+fi
+[ -z "$(unsaved)" ] || fail "nothing was unsaved"
+
+# On a screen of few points there is room for the picture; what is not saved outlives Ctrl-C.
+export WINIT_X11_SCALE_FACTOR=2.5
+open_window "$home/scene.toml"
+until_ "a picture" has_colours 500 300x500+450+100
+aside
+sleep 3
+shot large
+xdotool mousemove 900 400
+for ((k = 0; k < 3; k++)); do xdotool click 5; done
+sleep 1
+shot large-scrolled
+for ((k = 0; k < 9; k++)); do xdotool click 4; done
+sleep 1
+xdotool mousemove 1000 180 click 1
+sleep 1
+shot large-preset
+stop
+[ -s "$home"/state/hairlight/unsaved/*/work.json ] || fail "Ctrl-C loses what is not saved"
 echo "window.sh: the real window paints, undoes, redoes, saves and closes, in $((SECONDS - begun)) s"

@@ -6,7 +6,6 @@ use anyhow::{Context, Result};
 use clap::{Arg, ArgMatches, Command, value_parser};
 
 use super::{flag, print, quiet, reporting, rows};
-use crate::file::check_outputs;
 use crate::progress::Clock;
 use crate::quality::Settings;
 use crate::scene::{Assignment, Field, Scene, Value, field_named};
@@ -62,7 +61,7 @@ pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
 
     let [preview, lights] = ["preview", "output"].map(|name| matches.get_one::<PathBuf>(name));
     let outputs: Vec<&Path> = [preview, lights].into_iter().flatten().map(|p| &**p).collect();
-    check_outputs(&outputs, &[Path::new(map)])?;
+    scene.check_outputs(&outputs)?;
 
     let loaded = load_map(&scene.environment, &clock)?;
     let wanted = Settings::of(&scene).lights as usize;

@@ -6,6 +6,7 @@ use anyhow::Result;
 use clap::{Arg, ArgMatches, Command, value_parser};
 
 use crate::editor::{self, Document};
+use crate::file::typed_path;
 use crate::scene::Scene;
 
 pub fn command() -> Command {
@@ -28,8 +29,11 @@ pub fn command() -> Command {
 
 pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
     let document = match matches.get_one::<PathBuf>("file") {
-        Some(path) => Document::open(path)?,
+        Some(path) => {
+            Document::open(&path.to_str().map_or(path.clone(), |p| typed_path(p).into()))?
+        }
         None => Document::new(Scene::default(), None),
     };
-    editor::run(document, matches.get_one::<PathBuf>("shaders").cloned())
+    let shaders = matches.get_one::<PathBuf>("shaders").cloned();
+    editor::run(document, shaders, &super::CANCELLED)
 }

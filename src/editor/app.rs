@@ -12,20 +12,22 @@ mod unsaved;
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers, Rect, Ui};
 
 use super::brush::{Brush, Mode, Places, Stroke};
 use super::document::Document;
+use super::fields;
 use super::history::{History, Step};
 use super::light_view::LightView;
 use super::maps::Maps;
 use super::shader_watch::Watch;
 use super::viewport::{self, Shown};
 use crate::gpu::shaders::Shaders;
-use crate::live::{Said, Wish, Worker, same};
-use crate::scene::{HairSpec, Scene};
+use crate::live::{Refusal, Said, Wish, Worker, same};
+use crate::scene::{HairSpec, Scene, frame_within};
 use crate::stage::Geometry;
 use brush_color::BrushColor;
 use files::{Files, PromptKind};
@@ -101,6 +103,8 @@ pub struct Editor {
     progress: Option<(&'static str, f32)>,
     /// What was said last, and whether something is wrong.
     message: Option<(String, bool)>,
+    /// What was said of parts of the scene that cannot be used, since the last picture.
+    refusals: Option<String>,
     notes: Vec<String>,
     files: Files,
     truth: Truth,
@@ -110,10 +114,13 @@ pub struct Editor {
     fibre: fibre::FibreSection,
     unsaved: Unsaved,
     saving: Option<Saving>,
+    cancelled: Option<&'static AtomicBool>,
     shortcuts: bool,
     turning: Option<Instant>,
     /// The light's or the brush's drag under way.
     drag: Option<Drag>,
+    /// Shows the output's frame alone, and not what lies around it.
+    pub frame_only: bool,
     /// Of the picture on the screen.
     rect: Option<Rect>,
 }
@@ -152,6 +159,7 @@ impl Editor {
             places: None,
             progress: None,
             message: None,
+            refusals: None,
             notes: Vec::new(),
             files: Files::default(),
             truth: Truth::default(),
@@ -160,15 +168,18 @@ impl Editor {
             fibre: fibre::FibreSection::default(),
             unsaved: Unsaved::default(),
             saving: None,
+            cancelled: None,
             shortcuts: false,
             turning: None,
             drag: None,
+            frame_only: false,
             rect: None,
         }
     }
 
     /// A frame of the interface.
     pub fn ui(&mut self, ui: &mut Ui) {
+        self.stop_if_cancelled(ui.ctx());
         self.listen(ui.ctx());
         self.keys(ui);
         // A minimised window has no room, and its panels keep the widths that they had.
@@ -181,17 +192,20 @@ impl Editor {
         self.settle(ui.ctx());
         self.ask_truth(ui.ctx());
         self.keep(ui.ctx());
+        if let Some(line) = fields::refused(ui.ctx()) {
+            self.message = Some((line, true));
+        }
     }
 
     fn panels(&mut self, ui: &mut Ui) {
         egui::Panel::top("menu").show(ui, |ui| self.menu(ui));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
-        egui::Panel::right("scene").default_size(330.0).show(ui, |ui| {
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.scene_panel(ui));
-        });
-        egui::Panel::left("tools").exact_size(250.0).show(ui, |ui| {
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.tool_panel(ui));
-        });
+        // Of a small window, or a large interface, the picture keeps a third.
+        let width = ui.available_width();
+        let right = egui::Panel::right("scene").default_size(330.0).max_size(0.38 * width);
+        right.show(ui, |ui| scrolled(ui, 300.0, |ui| self.scene_panel(ui)));
+        let left = egui::Panel::left("tools").exact_size(f32::min(250.0, 0.29 * width));
+        left.show(ui, |ui| scrolled(ui, 225.0, |ui| self.tool_panel(ui)));
         egui::CentralPanel::no_frame().show(ui, |ui| self.viewport(ui));
     }
 
@@ -213,6 +227,22 @@ impl Editor {
     /// The message of the status line.
     pub fn message(&self) -> Option<&str> {
         self.message.as_ref().map(|(line, _)| line.as_str())
+    }
+
+    /// Closes once `cancelled` is set, whatever is not saved: that is kept as it is after a crash. Who sets it wakes the
+    /// window.
+    pub fn stopped_by(mut self, cancelled: &'static AtomicBool) -> Self {
+        self.cancelled = Some(cancelled);
+        self
+    }
+
+    fn stop_if_cancelled(&mut self, ctx: &egui::Context) {
+        let cancelled = self.cancelled.is_some_and(|cancelled| cancelled.load(Ordering::Relaxed));
+        if cancelled && !self.files.may_close {
+            self.keep_now();
+            self.files.may_close = true;
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+        }
     }
 
     /// Draws by the shaders of a folder, read again whenever one of them changes.
@@ -238,6 +268,7 @@ impl Editor {
                         self.progress = (!picture.finished).then_some(("refining", 0.0));
                     }
                     self.shown_of = number;
+                    self.refusals = None;
                     self.shown.put(ctx, picture);
                 }
                 Said::Progress(what, done) if number == newest => {
@@ -256,8 +287,32 @@ impl Editor {
                     }
                     self.message = Some((line, true));
                 }
+                Said::Refused(refusal) => self.refused(*refusal),
             }
         }
+    }
+
+    /// Goes on with what can be used in place of a part of the scene that cannot be, in the document and its history.
+    fn refused(&mut self, refusal: Refusal) {
+        let Refusal { part, line, refused, instead } = refusal;
+        self.history.replace(part, &refused, &instead);
+        if part.same(&self.settled, &refused) {
+            part.copy(&instead, &mut self.settled);
+        }
+        // Something else may have been opened meanwhile.
+        if part.same(&self.document.scene, &refused) {
+            self.document.replace(part, &refused, &instead);
+            let line = format!("{line}; in its place: {}", part.describe(&instead));
+            // Of several that are wrong, one is found after another.
+            let before = self.refusals.take().filter(|_| self.is_wrong());
+            let line = before.map_or(line.clone(), |before| format!("{before}\n{line}"));
+            self.message = Some((line.clone(), true));
+            self.refusals = Some(line);
+        }
+    }
+
+    fn is_wrong(&self) -> bool {
+        self.message.as_ref().is_some_and(|(_, wrong)| *wrong)
     }
 
     /// The geometry, once it is that of the document's hair.
@@ -303,7 +358,12 @@ impl Editor {
         }
     }
 
-    /// Of the picture in pixels: the scene's shape, as large as there is room.
+    /// Of the output's frame within the picture, in pixels.
+    fn frame_size(&self, ctx: &egui::Context) -> Option<[u32; 2]> {
+        Some(frame_within(self.document.scene.output.size, self.size(ctx)?))
+    }
+
+    /// Of the picture in pixels.
     fn size(&self, ctx: &egui::Context) -> Option<[u32; 2]> {
         let size = self.rect?.size() * ctx.pixels_per_point();
         (size.x >= 1.0 && size.y >= 1.0).then_some([size.x.round() as u32, size.y.round() as u32])
@@ -322,6 +382,13 @@ impl Editor {
 
     fn keys(&mut self, ui: &Ui) {
         let ctx = ui.ctx();
+        // What is behind a dialog has no keys.
+        if dialog(ctx) {
+            if !ctx.text_edit_focused() {
+                self.escape(ctx);
+            }
+            return;
+        }
         let pressed = |shortcut: &KeyboardShortcut| ctx.input_mut(|i| i.consume_shortcut(shortcut));
         // The longer shortcut first: its keys hold the shorter's.
         let (redo, undo) = (pressed(&REDO), pressed(&UNDO));
@@ -375,6 +442,13 @@ impl Editor {
         if key(Key::I) {
             self.eyedrop(ctx);
         }
+        self.escape(ctx);
+        if ctx.input(|i| i.events.iter().any(|e| matches!(e, egui::Event::Text(t) if t == "?"))) {
+            self.shortcuts = !self.shortcuts;
+        }
+    }
+
+    fn escape(&mut self, ctx: &egui::Context) {
         // Not taken away: menus and lists close by it too.
         if ctx.input(|i| i.key_pressed(Key::Escape)) {
             self.give_up_stroke();
@@ -385,12 +459,25 @@ impl Editor {
             }
             self.files.give_up();
         }
-        if ctx.input(|i| i.events.iter().any(|e| matches!(e, egui::Event::Text(t) if t == "?"))) {
-            self.shortcuts = !self.shortcuts;
-        }
     }
 
     fn resize_brush(&mut self, by: f32) {
         self.brush.radius = (self.brush.radius * by).clamp(0.003, 0.5);
     }
+}
+
+/// Whether a dialog is open that waits for an answer.
+fn dialog(ctx: &egui::Context) -> bool {
+    !ctx.memory(|memory| memory.is_above_modal_layer(egui::LayerId::background()))
+}
+
+/// Shows what takes a panel's width, `natural` at least, and scrolls where there is no room for it.
+fn scrolled(ui: &mut Ui, natural: f32, show: impl FnOnce(&mut Ui)) {
+    let narrow = ui.available_width() < natural;
+    egui::ScrollArea::new([narrow, true]).auto_shrink(false).show(ui, |ui| {
+        if narrow {
+            ui.set_width(natural);
+        }
+        show(ui);
+    });
 }

@@ -191,7 +191,7 @@ impl Places {
 
     /// Whether they are those of a picture through `lens`, whatever its size.
     pub fn are_through(&self, lens: &Lens) -> bool {
-        (self.lens.eye, self.lens.forward, self.lens.up) == (lens.eye, lens.forward, lens.up)
+        Lens { size: self.lens.size, ..*lens } == self.lens
     }
 }
 

@@ -10,7 +10,7 @@ use super::history::History;
 use crate::file::write_whole;
 use crate::file_kind::{FileKind, Role};
 use crate::hair::Hair;
-use crate::live::same;
+use crate::live::{ScenePart, same};
 use crate::paint::Paint;
 use crate::scene::{HairSpec, Scene};
 
@@ -77,6 +77,19 @@ impl Document {
         went || something(&self.named, &self.paint)
     }
 
+    /// Puts a part of `instead` in place of the one that was refused; paint follows its hair.
+    pub fn replace(&mut self, part: ScenePart, refused: &Scene, instead: &Scene) {
+        part.copy(instead, &mut self.scene);
+        // Without a file of its own nothing is lost by it.
+        let unnamed = self.path.is_none();
+        if let Some((saved, _)) = self.saved.as_mut().filter(|_| unnamed)
+            && part.same(saved, refused)
+        {
+            part.copy(instead, saved);
+        }
+        self.follow_hair();
+    }
+
     /// Takes the last step of a history back, or does the next one again; the camera stays. Whether there was one.
     pub fn step(&mut self, history: &mut History, redo: bool) -> bool {
         let mut paint = self.paint.clone().unwrap_or_default();
@@ -138,6 +151,7 @@ impl Document {
     /// One line that names the file; then nothing counts as saved.
     pub fn save(&mut self, path: &Path, hair: Option<&Hair>) -> Result<()> {
         let mut scene = self.scene.clone();
+        scene.check_outputs(&[path])?;
         let beside = path.with_extension("paint");
         if self.paint.is_some() {
             if beside == path {

@@ -1,7 +1,10 @@
 //! Widgets of the scene's table of fields: range, unit, words, help and default all come from there.
 
+use std::cell::Cell;
+
 use eframe::egui::{self, Color32, DragValue, Rgba, Slider, Ui};
 
+use crate::file::typed_path;
 pub use crate::scene::assembly_color;
 use crate::scene::{Alternative, FIELDS, Field, Kind, Pigment, Scene, Value};
 
@@ -100,6 +103,78 @@ fn help(field: &Field) -> String {
     format!("{text}.\n{}: {}", field.key, field.expects())
 }
 
+/// Reads a number as it is typed, with a decimal point or a decimal comma; None for what is no finite number.
+pub fn parse_number(text: &str) -> Option<f64> {
+    let text: String = text.chars().filter(|c| !c.is_whitespace()).collect();
+    let text = text.replace('−', "-");
+    let text = match text.split_once(',') {
+        Some((whole, decimals)) if !decimals.contains([',', '.']) && !whole.contains('.') => {
+            format!("{whole}.{decimals}")
+        }
+        _ => text,
+    };
+    text.parse().ok().filter(|x: &f64| x.is_finite())
+}
+
+/// Reads a share as it is typed in per cent, with or without the sign.
+pub fn parse_percent(text: &str) -> Option<f64> {
+    Some(0.01 * parse_number(text.trim().trim_end_matches('%'))?)
+}
+
+/// Reads what is typed into a number's widget.
+pub type NumberParser<'a> = &'a dyn Fn(&str) -> Option<f64>;
+
+/// Adds a widget of a number named `what`. Text that `parse` does not read leaves the number as it is; it is red while it is
+/// typed, and [`refused`] once it is left.
+pub fn number(
+    ui: &mut Ui,
+    what: &str,
+    parse: fn(&str) -> Option<f64>,
+    add: impl FnOnce(&mut Ui, NumberParser) -> egui::Response,
+) -> egui::Response {
+    let id = ui.scope_id().with(("number", what));
+    // What was read last: the text, where it is no number.
+    let read: Cell<Option<Option<String>>> = Cell::new(None);
+    let parser = |text: &str| {
+        let number = parse(text);
+        read.set(Some(number.is_none().then(|| text.to_owned())));
+        number
+    };
+    // The text, and the widget that it is typed into; none once it was left, when egui reads it once more.
+    let before: Option<(Option<egui::Id>, String)> = ui.data_mut(|d| d.remove_temp(id));
+    let left = matches!(before, Some((None, _)));
+    let color = ui.visuals().override_text_color;
+    if before.is_some() && !left {
+        ui.visuals_mut().override_text_color = Some(ui.visuals().error_fg_color);
+    }
+    let response = add(ui, &parser);
+    ui.visuals_mut().override_text_color = color;
+    let text = read.take().unwrap_or_else(|| before.as_ref().map(|(_, text)| text.clone()));
+    let Some(text) = text.filter(|_| !left) else { return response };
+    let focus = ui.memory(|memory| memory.focused());
+    let stays = focus.is_some() && before.as_ref().is_none_or(|(of, _)| *of == focus);
+    let escaped = ui.input(|i| i.key_pressed(egui::Key::Escape));
+    if !stays && !escaped && before.is_some() {
+        refuse(ui, format!("{what}: `{text}` is no number"));
+    }
+    ui.data_mut(|d| d.insert_temp(id, (focus.filter(|_| stays), text)));
+    response
+}
+
+fn refused_id() -> egui::Id {
+    egui::Id::unique("refused")
+}
+
+/// Tells that what was typed is not taken.
+fn refuse(ui: &Ui, line: String) {
+    ui.data_mut(|d| d.insert_temp(refused_id(), line));
+}
+
+/// What was typed last and is not taken, in one line; once.
+pub fn refused(ctx: &egui::Context) -> Option<String> {
+    ctx.data_mut(|d| d.remove_temp(refused_id()))
+}
+
 fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -> egui::Response {
     if let (Some(word), Value::Unset) = (field.unset, value) {
         let own = ui.button(word);
@@ -125,15 +200,18 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
                 "stops" => " EV",
                 unit => unit,
             };
-            // Ranges that no slider can hold are dragged.
-            let response = if max - min > 5e3 {
-                ui.add(DragValue::new(&mut y).range(min..=max).speed(0.01 * x.abs().max(0.01)))
-            } else {
-                // From 0 on, hundredths are the least that counts.
-                let wide = min >= 0.0 && max / min.max(0.01) > 500.0;
-                let slider = Slider::new(&mut y, min..=max).suffix(suffix).logarithmic(wide);
-                ui.add(slider.smallest_positive(0.01))
-            };
+            let response = number(ui, &name(field), parse_number, |ui, parser| {
+                // Ranges that no slider can hold are dragged.
+                if max - min > 5e3 {
+                    let drag = DragValue::new(&mut y).custom_parser(parser).range(min..=max);
+                    ui.add(drag.speed(0.01 * x.abs().max(0.01)))
+                } else {
+                    // From 0 on, hundredths are the least that counts.
+                    let wide = min >= 0.0 && max / min.max(0.01) > 500.0;
+                    let slider = Slider::new(&mut y, min..=max).suffix(suffix).logarithmic(wide);
+                    ui.add(slider.smallest_positive(0.01).custom_parser(parser))
+                }
+            });
             if response.changed() && !passed(&response, *x, y) {
                 *next = Some(Value::Number(y));
             }
@@ -141,8 +219,10 @@ fn widget(ui: &mut Ui, field: &Field, value: &Value, next: &mut Option<Value>) -
         }
         (Kind::Integer { min, max }, Value::Number(x)) => {
             let mut y = *x;
-            let drag = DragValue::new(&mut y).range(min..=max).fixed_decimals(0);
-            let response = ui.add(drag.speed((0.01 * x).max(0.05)));
+            let response = number(ui, &name(field), parse_number, |ui, parser| {
+                let drag = DragValue::new(&mut y).range(min..=max).fixed_decimals(0);
+                ui.add(drag.speed((0.01 * x).max(0.05)).custom_parser(parser))
+            });
             if response.changed() {
                 *next = Some(Value::Number(y.round()));
             }
@@ -213,9 +293,12 @@ fn numbers(
         // From right to left.
         let named = ys.iter_mut().zip(xs).zip(parts(field)).rev();
         let added = named.map(|((y, x), part)| {
-            let response = ui.add(widget(y));
+            let what = format!("{}, {part}", name(field));
+            let response = number(ui, &what, parse_number, |ui, parser| {
+                ui.add(widget(y).custom_parser(parser))
+            });
             changed |= response.changed() && !passed(&response, *x, *y);
-            response.accessible_name(format!("{}, {part}", name(field)))
+            response.accessible_name(what)
         });
         added.reduce(|all, one| all | one)
     });
@@ -257,7 +340,12 @@ fn typed(ui: &mut Ui, field: &Field, text: &str, next: &mut Option<Value>) -> eg
         ui.data_mut(|d| d.insert_temp(id, draft));
     } else {
         if response.lost_focus() && draft != text {
-            *next = field.parse(&draft).ok();
+            let names_file = matches!(field.kind, Kind::Source { .. } | Kind::Output(_));
+            let draft = if names_file { typed_path(&draft) } else { draft };
+            match field.parse(&draft) {
+                Ok(value) => *next = Some(value),
+                Err(line) => refuse(ui, line),
+            }
         }
         ui.data_mut(|d| d.remove::<String>(id));
     }
@@ -275,16 +363,23 @@ fn source(
 ) -> egui::Response {
     let shown = std::path::Path::new(text);
     let shown = shown.file_name().map_or(text.into(), |name| name.to_string_lossy());
-    let combo = egui::ComboBox::from_id_salt(field.key).selected_text(&*shown).show_ui(ui, |ui| {
+    // A click into the text stays in the list.
+    let stays = egui::PopupCloseBehavior::CloseOnClickOutside;
+    let combo = egui::ComboBox::from_id_salt(field.key).selected_text(&*shown);
+    let combo = combo.close_behavior(stays).show_ui(ui, |ui| {
         let names = builtins.iter().map(|name| format!("builtin:{name}"));
         for name in names.chain(words.iter().map(|&word| word.to_owned())) {
             if ui.selectable_label(name == text, &name).clicked() {
                 *next = Some(Value::Text(name));
+                ui.close();
             }
         }
         ui.separator();
         ui.label("Path of a file");
         typed(ui, field, text, next).accessible_name(format!("Path of the {}", name(field)));
+        if next.is_some() {
+            ui.close();
+        }
     });
     combo.response
 }

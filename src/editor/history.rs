@@ -2,6 +2,7 @@
 
 use half::f16;
 
+use crate::live::{ScenePart, file_name};
 use crate::paint::{Channel, Paint};
 use crate::scene::{FIELDS, Scene};
 
@@ -25,9 +26,12 @@ impl Step {
             Step::Stroke { label, .. } => label.clone(),
             Step::Scene { before, after } => {
                 let differs = |f: &&crate::scene::Field| f.get(before) != f.get(after);
-                let name = |f: &crate::scene::Field| match f.group().starts_with("lamp") {
-                    true => f.key.replace(['.', '_'], " "),
-                    false => f.name().replace('_', " "),
+                let name = |f: &crate::scene::Field| match f.key {
+                    "hair.source" => opened(&after.hair.source),
+                    "head.source" => opened(&after.head.source),
+                    "environment.source" => opened(&after.environment.source),
+                    key if f.group().starts_with("lamp") => key.replace(['.', '_'], " "),
+                    _ => f.name().replace('_', " "),
                 };
                 let mut names: Vec<String> = FIELDS.iter().filter(differs).map(name).collect();
                 if names.len() > 3 {
@@ -87,6 +91,37 @@ impl History {
         self.done = self.steps.len();
     }
 
+    /// Puts a part of `instead` in place of the one that was refused in all scenes. Steps that then do nothing are
+    /// dropped, and so are strokes on hair that was refused.
+    pub fn replace(&mut self, part: ScenePart, refused: &Scene, instead: &Scene) {
+        let first = self.steps.iter().find_map(|step| match step {
+            Step::Scene { before, .. } => Some((**before).clone()),
+            Step::Stroke { .. } => None,
+        });
+        let mut now = first.unwrap_or_else(|| refused.clone());
+        let (steps, done) = (std::mem::take(&mut self.steps), self.done);
+        for (k, mut step) in steps.into_iter().enumerate() {
+            let kept = match &mut step {
+                Step::Stroke { .. } => part != ScenePart::Hair || !part.same(&now, refused),
+                Step::Scene { before, after } => {
+                    now = (**after).clone();
+                    for scene in [&mut *before, &mut *after] {
+                        if part.same(scene, refused) {
+                            part.copy(instead, scene);
+                        }
+                    }
+                    before != after
+                }
+            };
+            if kept {
+                self.steps.push(step);
+            } else if k < done {
+                self.done -= 1;
+            }
+        }
+        self.bytes = self.steps.iter().map(Step::bytes).sum();
+    }
+
     /// All steps, and how many of them hold.
     pub fn steps(&self) -> (&[Step], usize) {
         (&self.steps, self.done)
@@ -117,6 +152,11 @@ impl History {
         self.done += 1;
         true
     }
+}
+
+/// What was done where a source became this one.
+fn opened(source: &str) -> String {
+    format!("Open {}", file_name(source))
 }
 
 fn put(paint: &mut Paint, channel: Channel, texels: &Texels) {

@@ -10,6 +10,7 @@ use eframe::egui::{
     Vec2,
 };
 
+use super::fields;
 use super::later::Later;
 use super::lobes::{Curve, Lobes, NAMES, Subject, Values};
 use crate::measure::plot::COLOURS;
@@ -36,8 +37,12 @@ impl LobePlot {
         ui.horizontal(|ui| {
             let label = ui.label("light's inclination");
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let slider = Slider::new(&mut self.theta_i_deg, -80.0..=80.0).suffix("°");
-                ui.add(slider.fixed_decimals(0)).labelled_by(label.id);
+                let what = "light's inclination";
+                let slider = fields::number(ui, what, fields::parse_number, |ui, parser| {
+                    let slider = Slider::new(&mut self.theta_i_deg, -80.0..=80.0).suffix("°");
+                    ui.add(slider.fixed_decimals(0).custom_parser(parser))
+                });
+                slider.labelled_by(label.id);
             });
         });
         let theta_i = self.theta_i_deg.to_radians();

@@ -10,6 +10,7 @@ use eframe::egui::{self, Align2, Color32, FontId, Rect, Sense, Stroke, Ui, Vec2}
 
 use super::{desktop, light_view};
 use crate::environment;
+use crate::file::typed_path;
 use crate::image::luminance;
 use crate::scene::{Kind, Scene, field_named};
 
@@ -172,7 +173,7 @@ impl Maps {
             let there = !self.typed.trim().is_empty();
             let add = ui.add_enabled(there, egui::Button::new("Add")).clicked();
             if (add || entered) && there {
-                self.add(&PathBuf::from(self.typed.trim()));
+                self.add(&PathBuf::from(typed_path(&self.typed)));
             }
             let browse = egui::Button::new("Browse…");
             if ui.add_enabled(self.dialog.is_none(), browse).clicked() {

@@ -36,9 +36,10 @@ mod thumbnails;
 mod viewport;
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, bail};
 use eframe::egui;
 
 use crate::file::state_folder;
@@ -48,9 +49,13 @@ pub use brush::{Brush, Canvas, Falloff, Mode, Places, Reach, Stroke};
 pub use document::{Document, put_file};
 pub use history::{History, Step};
 pub use light_view::outline;
+pub use thumbnails::{SIDE as PRESET_SIDE, preset_scene};
 
 /// Unsaved work is kept no more often.
 const KEPT_EVERY: Duration = Duration::from_secs(30);
+
+/// Between two looks at whether the window is to be closed from outside.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// Of the window. A surface that is lost or out of date is made anew: so eframe does by itself.
 pub fn options() -> eframe::NativeOptions {
@@ -59,20 +64,31 @@ pub fn options() -> eframe::NativeOptions {
             .with_title("Hairlight")
             .with_app_id("hairlight")
             .with_inner_size([1280.0, 800.0])
-            .with_min_inner_size([640.0, 400.0])
+            .with_min_inner_size([320.0, 240.0])
             .with_drag_and_drop(true),
         ..Default::default()
     }
 }
 
-/// Opens the window on a document and comes back when it is closed. `shaders`: a folder to draw by in place of the
-/// built-in ones.
+/// Opens the window on a document and comes back when it is closed, or once `cancelled` is set; what is not saved then is
+/// kept. `shaders`: a folder to draw by in place of the built-in ones.
 ///
 /// # Errors
-/// One line, where no window can be opened.
-pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
+/// One line, where no window can be opened; "cancelled".
+pub fn run(
+    document: Document,
+    shaders: Option<PathBuf>,
+    cancelled: &'static AtomicBool,
+) -> Result<()> {
     let editor = |ctx: &egui::Context| {
-        let mut editor = Editor::new(document, ctx);
+        let mut editor = Editor::new(document, ctx).stopped_by(cancelled);
+        let ctx_to_wake = ctx.clone();
+        std::thread::spawn(move || {
+            while !cancelled.load(Ordering::Relaxed) {
+                std::thread::sleep(LOOK_EVERY);
+            }
+            ctx_to_wake.request_repaint();
+        });
         if let Some(folder) = shaders {
             editor.watch_shaders(folder, ctx);
         }
@@ -96,5 +112,9 @@ pub fn run(document: Document, shaders: Option<PathBuf>) -> Result<()> {
         anyhow!(
             "no window can be opened ({error}): run it on a desktop, or use `hairlight capture`"
         )
-    })
+    })?;
+    if cancelled.load(Ordering::Relaxed) {
+        bail!("cancelled");
+    }
+    Ok(())
 }

@@ -1,6 +1,6 @@
-//! The picture, the camera under the pointer, and the brush over it.
+//! The picture with the output's frame in it, the camera under the pointer, and the brush over it.
 
-use eframe::egui::{self, Color32, Pos2, Rect, Stroke, Ui, Vec2};
+use eframe::egui::{self, Color32, Pos2, Rangef, Rect, Stroke, Ui, Vec2};
 use glam::DVec3;
 
 use crate::live::Picture;
@@ -66,6 +66,26 @@ impl Shown {
         self.pane.put(ctx, picture.size, &picture.rgba);
         self.picture = Some(picture);
     }
+}
+
+/// Draws the border of the output's frame, and dims what of the picture in `rect` lies outside.
+pub fn outline(ui: &Ui, rect: Rect, frame: Rect) {
+    let painter = ui.painter_at(rect);
+    let dim = Color32::from_black_alpha(70);
+    let beside = |x: Rangef| Rect::from_x_y_ranges(x, rect.y_range());
+    let across = |y: Rangef| Rect::from_x_y_ranges(frame.x_range(), y);
+    for part in [
+        beside(Rangef::new(rect.min.x, frame.min.x)),
+        beside(Rangef::new(frame.max.x, rect.max.x)),
+        across(Rangef::new(rect.min.y, frame.min.y)),
+        across(Rangef::new(frame.max.y, rect.max.y)),
+    ] {
+        if part.is_positive() {
+            painter.rect_filled(part, 0.0, dim);
+        }
+    }
+    let stroke = Stroke::new(1.0, Color32::from_white_alpha(110));
+    painter.rect_stroke(frame, 0.0, stroke, egui::StrokeKind::Outside);
 }
 
 /// The camera's orbit; one that stands at a place is brought into orbit where it is.

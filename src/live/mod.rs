@@ -10,6 +10,7 @@
 //! and the field that there was), then, once nothing moves, the very frame that `capture` makes.
 
 mod light;
+mod part;
 mod session;
 pub mod truth;
 mod worker;
@@ -26,6 +27,7 @@ use crate::scene::{EnvironmentSpec, HairSpec, Scene};
 use crate::stage::Geometry;
 
 pub use light::Light;
+pub use part::{Refusal, ScenePart, file_name};
 pub use session::Session;
 pub use worker::Worker;
 
@@ -35,7 +37,8 @@ pub struct Wish {
     pub scene: Scene,
     /// What is painted, in place of what the scene names; equal where it is the same in memory.
     pub paint: Option<Arc<Paint>>,
-    /// Of the picture in pixels, at least 1; the scene's own size does not count.
+    /// Of the picture in pixels, at least 1. The frame of the scene's own shape lies in its middle, as large as fits:
+    /// see [`crate::scene::frame_within`].
     pub size: [u32; 2],
     /// Something is being dragged: no time for more than the hurried picture.
     pub moving: bool,
@@ -128,8 +131,10 @@ pub enum Said {
     Light(Arc<Light>),
     /// What was assumed and mended.
     Note(String),
-    /// In one line, what is wrong with the wish, or with the device; the last good stage stays.
+    /// In one line, what is wrong with the wish as a whole, or with the device; the last good stage stays.
     Failed(String),
+    /// The part of the scene that no picture can be made of; the last good stage stays.
+    Refused(Box<Refusal>),
 }
 
 /// The light's exposure is a factor on all of the picture.

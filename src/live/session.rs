@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 
 use super::light::Coming;
-use super::{Figures, Light, Picture, Said, Wish, same, unexposed};
+use super::{Figures, Light, Picture, Refusal, Said, ScenePart, Wish, same, unexposed};
 use crate::capture::{background, nothing_seen, parts};
 use crate::field::Field;
 use crate::file::catch_panic;
@@ -21,9 +21,11 @@ use crate::image::display_bytes;
 use crate::light::{Lights, LitHair, Medium};
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::quality::{self, Costs, Facts, Pick, Settings};
-use crate::scene::{FibreSpec, HairSpec, HeadSpec, LAMPS, LampSpec, Lens, RenderSpec, Scene};
+use crate::scene::{
+    FibreSpec, HairSpec, HeadSpec, LAMPS, LampSpec, Lens, RenderSpec, Scene, frame_within,
+};
 use crate::srbf::{self, split_weak, split_wide};
-use crate::stage::{Geometry, exposure_scale, place_lights, suns};
+use crate::stage::{Geometry, exposure_scale, load_hair, place_lights, suns};
 use crate::transport::Detail;
 
 /// A hurried picture shall take no longer.
@@ -122,6 +124,10 @@ pub struct Session {
     facts: Option<Made<(u64, u64), Facts>>,
     /// For the scene's quality, of a wish without exposure.
     picked: Option<Made<Wish, Pick>>,
+    /// The part of the scene in use now: an error is that part's fault.
+    using: Option<ScenePart>,
+    /// A scene of the parts that could be used last.
+    usable: Scene,
 }
 
 /// Told, from any thread, what goes on.
@@ -155,6 +161,8 @@ impl Default for Session {
             stages: Vec::new(),
             facts: None,
             picked: None,
+            using: None,
+            usable: Scene::default(),
         }
     }
 }
@@ -187,13 +195,42 @@ impl Session {
             )
         });
         match result {
-            Err(_) if !go_on() => Ok(false),
+            // What cannot be loaded is said whatever is asked for meanwhile, or it would be tried again and again.
+            Err(_) if !go_on() && matches!(self.using, None | Some(ScenePart::Quality)) => {
+                Ok(false)
+            }
             Err(error) => {
                 (self.hurried, self.whole) = (None, None);
                 Err(error)
             }
             done => done,
         }
+    }
+
+    /// What to tell of an error of [`Session::see`]: the part of `scene` at fault with what can be used in its place,
+    /// where both are known.
+    pub fn refusal(&self, scene: &Scene, error: &anyhow::Error) -> Said {
+        let line = format!("{error:#}");
+        let Some(part) = self.using else { return Said::Failed(line) };
+        let bare = |scene: &Scene| HairSpec { paint: None, ..scene.hair.clone() };
+        let mut headless = Scene::default();
+        headless.head.source = "none".to_owned();
+        // Paint belongs to its hair.
+        let usable = Some(self.usable.clone())
+            .filter(|usable| part != ScenePart::Paint || bare(usable) == bare(scene));
+        let others = usable.into_iter().chain([Scene::default(), headless]);
+        match { others }.find(|other| !part.same(other, scene)) {
+            Some(instead) => {
+                Said::Refused(Box::new(Refusal { part, line, refused: scene.clone(), instead }))
+            }
+            None => Said::Failed(line),
+        }
+    }
+
+    /// Notes that these parts of a scene can be used.
+    fn can_use(&mut self, parts: &[ScenePart], scene: &Scene) {
+        parts.iter().for_each(|part| part.copy(scene, &mut self.usable));
+        self.using = None;
     }
 
     /// Makes what the next pictures may take, while nothing else is asked for, so that they need not wait for it.
@@ -243,9 +280,13 @@ impl Session {
 
     fn try_see(&mut self, wish: &Wish, go_on: GoOn, say: Say) -> Result<bool> {
         let scene = &wish.scene;
+        self.using = None;
         self.ask_light(scene);
         self.make_body(wish, say)?;
+        self.can_use(&[ScenePart::Hair, ScenePart::Head, ScenePart::Adapter], scene);
+        self.using = Some(ScenePart::Paint);
         self.make_thickness(wish, say)?;
+        self.using = None;
         self.make_shaders(wish, say);
         if self.light.is_none() && !self.await_light(scene, go_on, say)? {
             return Ok(false);
@@ -297,7 +338,9 @@ impl Session {
 
     fn take_light(&mut self, scene: &Scene, say: Say) -> Result<()> {
         let Some(coming) = self.coming.take() else { return Ok(()) };
+        self.using = Some(ScenePart::Map);
         let light = Arc::new(coming.take()?);
+        self.can_use(&[ScenePart::Map], scene);
         if self.light.as_ref().is_none_or(|known| !Arc::ptr_eq(&known.map, &light.map)) {
             let notes = light.map.notes();
             notes.iter().for_each(|note| say(Said::Note(format!("{}: {note}", light.source))));
@@ -320,9 +363,24 @@ impl Session {
         shown.scene.environment.source.clone_from(&light.source);
         shown.scene.environment.layer.clone_from(&light.layer);
         shown.scene.environment.lights = Some(light.wanted);
+        self.using = Some(ScenePart::Paint);
         self.make_method(wish)?;
+        self.can_use(&[ScenePart::Paint], scene);
+        self.using = Some(ScenePart::Camera);
+        if let Some(body) = &self.body {
+            lens(&body.it.stage, scene, wish.size)?;
+        }
+        self.can_use(&[ScenePart::Camera], scene);
         if self.hurried.as_ref().is_none_or(|hurried| !hurried.same(&shown)) {
             self.make_lighting(scene, wish.moving, go_on, say)?;
+            if self.field.is_none() {
+                // Without light between strands pale hair would be black at first.
+                self.make_field(scene, &|| true, say)?;
+                let field = self.field.as_ref().and_then(|made| made.it.as_ref());
+                if let (Some(renderer), Some(field)) = (&mut self.gpu, field) {
+                    renderer.it.set_field(field);
+                }
+            }
             self.hurry(wish, say)?;
             self.hurried = Some(shown.clone());
         }
@@ -333,9 +391,12 @@ impl Session {
             return Ok(true);
         }
         self.whole = None;
+        self.using = Some(ScenePart::Quality);
         if !self.pick(wish, go_on, say)? {
+            self.using = None;
             return Ok(true);
         }
+        self.can_use(&[ScenePart::Quality], scene);
         let begun = Instant::now();
         self.make_medium(self.settings(scene).cells);
         self.make_lighting(scene, false, go_on, say)?;
@@ -400,16 +461,18 @@ impl Session {
             self.color_head(scene, say);
             return Ok(());
         }
-        say(Said::Progress("loading hair", 0.0));
-        let mut stage = Geometry::load_bare(scene)?;
-        stage.notes.iter().for_each(|line| say(Said::Note(line.clone())));
-        let thickness = self.thickness(wish, &stage)?;
-        stage.thicken(thickness.as_ref());
-        let stage = Arc::new(stage);
-        let body = Body::new(stage.clone(), thickness, Detail::USUAL.cells);
+        let known = self.body.as_ref().filter(|made| made.from == from);
+        let body = match known {
+            // Its files are not read again for another device: they may be gone.
+            Some(_) => None,
+            None => Some(self.load_body(wish, say)?),
+        };
+        let made = body.as_ref().or(self.body.as_ref().map(|made| &made.it));
+        let Some(stage) = made.map(|body| body.stage.clone()) else { bail!("no hair") };
         // Another method is set before anything is shown.
         let even = Fibres::even(&scene.fibre.resolve());
         let method = MethodData::new(scene.fibre.model, even, &scene.render)?;
+        self.using = Some(ScenePart::Adapter);
         let gpu = match self.gpu.take() {
             Some(made) if has_gpu => made.it.gpu,
             _ => {
@@ -417,11 +480,16 @@ impl Session {
                 Gpu::new(adapter)?
             }
         };
+        if body.is_some() {
+            self.using = Some(ScenePart::Hair);
+        }
         let renderer = Renderer::new(gpu, &method, &stage)?;
         self.gpu = Some(Made { from: adapter.clone(), it: renderer });
-        say(Said::Geometry(from.0.clone(), stage.clone()));
-        self.body = Some(Made { from, it: body });
-        (self.coarse, self.fine) = (None, None);
+        if let Some(it) = body {
+            say(Said::Geometry(from.0.clone(), stage));
+            self.body = Some(Made { from, it });
+            (self.coarse, self.fine) = (None, None);
+        }
         self.sight = None;
         self.method = None;
         self.field = None;
@@ -443,6 +511,27 @@ impl Session {
         self.field = None;
         self.hurry_ready = None;
         say(Said::Geometry(body.from.0.clone(), body.it.stage.clone()));
+    }
+
+    fn load_body(&mut self, wish: &Wish, say: Say) -> Result<Body> {
+        let scene = &wish.scene;
+        say(Said::Progress("loading hair", 0.0));
+        self.using = Some(ScenePart::Hair);
+        let loaded = Geometry::load_bare(scene);
+        if loaded.is_err() {
+            let mut headless = scene.clone();
+            headless.head.source = "none".to_owned();
+            if load_hair(&headless).is_ok() {
+                self.using = Some(ScenePart::Head);
+            }
+        }
+        let mut stage = loaded?;
+        stage.notes.iter().for_each(|line| say(Said::Note(line.clone())));
+        self.using = Some(ScenePart::Paint);
+        let thickness = self.thickness(wish, &stage)?;
+        self.using = Some(ScenePart::Hair);
+        stage.thicken(thickness.as_ref());
+        Ok(Body::new(Arc::new(stage), thickness, Detail::USUAL.cells))
     }
 
     /// Tells what is wrong with shaders, and goes on with the last good ones.
@@ -538,7 +627,7 @@ impl Session {
         let turned = (self.lights, scene.environment.rotation_deg, scene.lamps);
         let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
-        let lens = lens(stage, scene, size)?;
+        let lens = Lens { size, ..lens(stage, scene, wish.size)? };
         let (thinning, points) = hurried_points(stage);
         if ready != Some(now) {
             body.medium.roughen(stage, lit, &points);
@@ -605,16 +694,8 @@ impl Session {
             })?;
         }
         self.stages[0].1 += ms_since(begun_light);
-        let from = (self.lit, self.fibres);
         let begun_field = Instant::now();
-        if self.field.as_ref().is_none_or(|made| made.from != from) && asked.multiple() {
-            let Some((body, _, lit, method)) = self.parts(turned) else { bail!("no hair") };
-            let it = lit.field(&body.stage, &body.medium, method, &|done| {
-                say(Said::Progress("light between strands", done));
-                go_on()
-            })?;
-            self.field = Some(Made { from, it });
-        }
+        self.make_field(scene, go_on, say)?;
         let field = self.field.take().filter(|_| asked.multiple());
         let Some((_, renderer, lit, method)) = self.parts(turned) else { bail!("no hair") };
         let shown = field.as_ref().and_then(|made| made.it.as_ref());
@@ -641,6 +722,23 @@ impl Session {
         let figures = Some(figures).filter(|_| self.coming.is_none());
         self.say_picture(wish, frame, &lens, How { ms, quality, figures }, say)?;
         Ok(true)
+    }
+
+    /// Light between strands, of the best lighting that there is, where the scene asks for it.
+    fn make_field(&mut self, scene: &Scene, go_on: GoOn, say: Say) -> Result<()> {
+        let from = (self.lit, self.fibres);
+        let known = self.field.as_ref().is_some_and(|made| made.from == from);
+        if known || !parts(scene.render.scattering).multiple() {
+            return Ok(());
+        }
+        let turned = (self.lights, scene.environment.rotation_deg, scene.lamps);
+        let Some((body, _, lit, method)) = self.parts(turned) else { bail!("no hair") };
+        let it = lit.field(&body.stage, &body.medium, method, &|done| {
+            say(Said::Progress("light between strands", done));
+            go_on()
+        })?;
+        self.field = Some(Made { from, it });
+        Ok(())
     }
 
     /// What a finished frame cost, and the error to expect of it.
@@ -770,11 +868,10 @@ fn pixels([width, height]: [u32; 2]) -> f64 {
     f64::from(width) * f64::from(height)
 }
 
-/// The scene's camera for a picture of another size than its own.
+/// The scene's camera for a picture of `size`, in the middle of which the scene's own frame lies.
 fn lens(stage: &Geometry, scene: &Scene, size: [u32; 2]) -> Result<Lens> {
-    let mut scene = scene.clone();
-    scene.output.size = size;
-    Ok(stage.camera(&scene)?.lens(stage.center, size))
+    let frame = frame_within(scene.output.size, size);
+    Ok(stage.camera(scene)?.lens(stage.center, frame).around(size))
 }
 
 /// What stands behind the hair, before that factor.

@@ -32,7 +32,7 @@ impl Worker {
         Worker::with(wake, move |wish, go_on, say| match session.see(wish, go_on, say) {
             Ok(true) if !wish.moving => session.foresee(wish, go_on),
             Ok(_) => {}
-            Err(error) => say(Said::Failed(format!("{error:#}"))),
+            Err(error) => say(session.refusal(&wish.scene, &error)),
         })
     }
 }

@@ -4,7 +4,7 @@
 //! in a captured frame, it holds `variance.R`, `.G`, `.B` (of each pixel's mean), and as attributes the number
 //! of samples and what they are samples of.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -16,7 +16,7 @@ use super::tracer::skin::Skin;
 use super::tracer::strands::Strands;
 use super::tracer::{Sampling, TraceScene, trace};
 use crate::environment::{Environment, LightMeter};
-use crate::file::{check_outputs, read_picture_bytes};
+use crate::file::read_picture_bytes;
 use crate::image::{Format, write_display};
 use crate::openexr::{self, ExrFile};
 use crate::paint::Fibres;
@@ -65,8 +65,7 @@ pub fn run(scene: &Scene, options: &ReferenceOptions) -> Result<()> {
         "{}: only an .exr picture holds what --resume goes on with",
         path.display()
     );
-    let inputs = scene.files();
-    check_outputs(&[path], &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    scene.check_outputs(&[path])?;
     let mut clock = Clock::new(options.reporting);
     let stage = Geometry::load(scene)?;
     stage.notes.iter().for_each(|line| clock.note(line));

@@ -150,6 +150,18 @@ impl Camera {
     }
 }
 
+/// The size in pixels of the largest frame of the shape `output` (width × height) that fits into a view of the size
+/// `view`, its middle in the middle and its borders between pixels of the view.
+pub fn frame_within(output: [u32; 2], view: [u32; 2]) -> [u32; 2] {
+    let [width, height] = [0, 1].map(|k| f64::from(view[k]) / f64::from(output[k].max(1)));
+    let scale = width.min(height);
+    [0, 1].map(|k| {
+        let side = ((scale * f64::from(output[k])).round() as u32).clamp(1, view[k].max(1));
+        // An even number of pixels is left, half of them on each side.
+        if (view[k] - side) % 2 == 1 { side + 1 } else { side }
+    })
+}
+
 impl Lens {
     /// Some rows of the image, from the top, as an image of their own.
     pub fn rows(&self, rows: Range<u32>) -> Lens {
@@ -170,6 +182,12 @@ impl Lens {
     pub fn image_axes(&self) -> [DVec3; 3] {
         let inverse = DMat3::from_cols(self.right, self.up, self.forward).inverse().transpose();
         [inverse.x_axis, inverse.y_axis, inverse.z_axis]
+    }
+
+    /// The same camera for an image of `size` in pixels, each as large as it is now, around the middle of this one.
+    pub fn around(&self, size: [u32; 2]) -> Lens {
+        let [wider, higher] = [0, 1].map(|k| f64::from(size[k]) / f64::from(self.size[k]));
+        Lens { right: wider * self.right, up: higher * self.up, size, ..*self }
     }
 
     /// Pixels that a unit length at unit distance spans.

@@ -13,7 +13,7 @@ mod preset;
 mod table;
 mod target;
 
-pub use camera::{Camera, CameraSpec, Lens, Orbit, View};
+pub use camera::{Camera, CameraSpec, Lens, Orbit, View, frame_within};
 pub use fibre::{ChiangSpec, FibreSpec, Pigment, assembly_color};
 pub use field::{Alternative, Field, Kind, Value, srgb_to_linear};
 pub use lamp::{LAMPS, LampKind, LampSpec};
@@ -28,6 +28,7 @@ use field::choice;
 use glam::Vec3;
 use toml::de::{DeTable, DeValue};
 
+use crate::file;
 use crate::file_kind::{self, FileKind, Role};
 use crate::head::Up;
 
@@ -383,7 +384,7 @@ impl Scene {
     }
 
     /// The files that the scene is made from.
-    pub fn files(&self) -> Vec<PathBuf> {
+    fn files(&self) -> Vec<PathBuf> {
         let file = |field: &Field| match (field.kind, field.get(self)) {
             (Kind::Source { words, .. }, Some(Value::Text(text)))
                 if !text.starts_with("builtin:") && !words.contains(&text.as_str()) =>
@@ -393,6 +394,12 @@ impl Scene {
             _ => None,
         };
         FIELDS.iter().filter_map(file).collect()
+    }
+
+    /// Checks that files can be written and that the scene is made of none of them: see [`file::check_outputs`].
+    pub fn check_outputs(&self, outputs: &[&Path]) -> Result<()> {
+        let inputs = self.files();
+        file::check_outputs(outputs, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     }
 
     /// What the head is made from: `builtin` or a path; `None` where there is no head. `auto` puts

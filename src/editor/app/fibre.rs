@@ -36,13 +36,8 @@ pub(super) struct FibreSection {
 
 impl Editor {
     pub(super) fn fibre_section(&mut self, ui: &mut Ui) {
-        let idle = self.finished();
         let (scene, own) = (&mut self.document.scene, &mut self.fibre);
         egui::CollapsingHeader::new("Fibre").default_open(true).show(ui, |ui| {
-            // The picture comes first.
-            if idle {
-                own.thumbnails.listen(ui.ctx(), &scene.render.adapter);
-            }
             if let Some(preset) = own.thumbnails.buttons(ui, &scene.fibre.preset) {
                 scene.fibre.set_preset(preset);
             }

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use eframe::egui::{self, Key, Ui};
 
 use super::still::picture_fields;
-use super::{Editor, History, SHORTCUTS};
+use super::{Editor, History, SHORTCUTS, dialog};
 use crate::editor::desktop;
 use crate::editor::document::{Document, put_file};
 use crate::editor::fields::name_it;
 use crate::editor::recent::Recent;
+use crate::file::typed_path;
 use crate::scene::Scene;
 
 /// A path that is asked for.
@@ -104,7 +105,7 @@ impl Editor {
         match put_file(&mut self.document.scene, path) {
             Ok(true) => {
                 self.files.recent.add(path);
-                self.say(format!("Took {}", path.display()));
+                self.say(format!("Opened {}", path.display()));
             }
             Ok(false) => self.leave(Leaving::Open(path.to_owned())),
             Err(error) => self.fail(&error),
@@ -175,6 +176,9 @@ impl Editor {
 
     pub(super) fn dropped(&mut self, ctx: &egui::Context) {
         let files = ctx.input(|i| i.raw.dropped_files.clone());
+        if dialog(ctx) && !files.is_empty() {
+            return self.say("Answer what is asked first, then drop the file again");
+        }
         for path in files.into_iter().map(|file| file.path().to_owned()) {
             if !path.as_os_str().is_empty() {
                 self.open(&path);
@@ -190,18 +194,17 @@ impl Editor {
                 ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
             }
         }
-        egui::Window::new("Shortcuts").open(&mut self.shortcuts).resizable(false).show(
-            &ctx,
-            |ui| {
-                egui::Grid::new("shortcuts").num_columns(2).striped(true).show(ui, |ui| {
-                    for (keys, what) in SHORTCUTS {
-                        ui.strong(keys);
-                        ui.label(what);
-                        ui.end_row();
-                    }
-                });
-            },
-        );
+        let shortcuts = egui::Window::new("Shortcuts").open(&mut self.shortcuts).resizable(false);
+        let most = ctx.content_rect().size() - egui::Vec2::new(30.0, 60.0);
+        shortcuts.scroll(true).max_size(most).show(&ctx, |ui| {
+            egui::Grid::new("shortcuts").num_columns(2).striped(true).show(ui, |ui| {
+                for (keys, what) in SHORTCUTS {
+                    ui.strong(keys);
+                    ui.label(what);
+                    ui.end_row();
+                }
+            });
+        });
         self.recovery_window(&ctx);
         self.leaving_window(&ctx);
         self.prompt_window(&ctx);
@@ -274,7 +277,8 @@ impl Editor {
                 }
             });
             if let Some(scene) = &mut prompt.scene {
-                picture_fields(ui, scene, &self.document.scene.output, self.size(ctx));
+                let window = self.frame_size(ctx);
+                picture_fields(ui, scene, &self.document.scene.output, window);
             }
             ui.horizontal(|ui| {
                 let word = if prompt.kind == PromptKind::Open { "Open" } else { "Save" };
@@ -284,8 +288,8 @@ impl Editor {
             // Keys of the window rest while text is typed.
             given_up |= ui.input(|i| i.key_pressed(Key::Escape));
         });
-        if done && !prompt.path.is_empty() {
-            let path = PathBuf::from(&prompt.path);
+        let path = PathBuf::from(typed_path(&prompt.path));
+        if done && !path.as_os_str().is_empty() {
             match prompt.kind {
                 PromptKind::Open => self.open(&path),
                 PromptKind::Save => {

@@ -9,7 +9,7 @@ use super::files::{Leaving, PromptKind};
 use super::picture::bare;
 use super::{Editor, Tool};
 use crate::editor::brush::{Falloff, Mode, Reach};
-use crate::editor::fields::field;
+use crate::editor::fields::{self, field};
 use crate::editor::viewport;
 use crate::paint::Channel;
 
@@ -57,6 +57,7 @@ impl Editor {
                 if ui.button("Frame the hair").clicked() {
                     viewport::frame(&mut self.document.scene, self.stage.as_deref());
                 }
+                ui.checkbox(&mut self.frame_only, "Output frame only");
                 ui.checkbox(&mut self.truth.on, "Truth beside the frame");
                 let mut turning = self.turning.is_some();
                 if ui.checkbox(&mut turning, "Turntable").clicked() {
@@ -92,10 +93,16 @@ impl Editor {
             if let Some((line, wrong)) = &self.message {
                 let color =
                     if *wrong { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
-                ui.colored_label(color, line);
+                let label = egui::Label::new(egui::RichText::new(line).color(color));
+                // One that is cut off is shown whole under the pointer; several stand one below another.
+                ui.add(if line.contains('\n') { label.extend() } else { label.truncate() });
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                if let Some(picture) = &self.shown.picture {
+                // What is said comes first.
+                const ROOM: f32 = 320.0;
+                if let Some(picture) =
+                    self.shown.picture.as_ref().filter(|_| ui.available_width() > ROOM)
+                {
                     ui.weak(format!("{} in {:.0} ms", picture.quality, picture.ms));
                 }
                 if let Some((what, done)) = self.progress {
@@ -139,8 +146,10 @@ impl Editor {
                     Channel::Roughness | Channel::Tilt => "°",
                     _ => "",
                 };
-                let slider = egui::Slider::new(&mut brush.value[0], least..=most).suffix(unit);
-                ui.add(slider.text("Value"));
+                fields::number(ui, "Value", fields::parse_number, |ui, parser| {
+                    let slider = egui::Slider::new(&mut brush.value[0], least..=most).suffix(unit);
+                    ui.add(slider.custom_parser(parser).text("Value"))
+                });
             }
         }
         ui.separator();
@@ -149,10 +158,10 @@ impl Editor {
                 ui.selectable_value(&mut brush.mode, mode, mode.word());
             }
         });
-        ui.add(percent(&mut brush.radius, 0.003..=0.5).logarithmic(true).text("Radius"))
+        percent(ui, "Radius", &mut brush.radius, 0.003..=0.5)
             .on_hover_text("Of the picture's height; [ and ]");
-        ui.add(percent(&mut brush.strength, 0.0..=1.0).text("Strength"));
-        ui.add(percent(&mut brush.spacing, 0.05..=1.0).text("Spacing"));
+        percent(ui, "Strength", &mut brush.strength, 0.0..=1.0);
+        percent(ui, "Spacing", &mut brush.spacing, 0.05..=1.0);
         egui::ComboBox::from_label("Falloff").selected_text(brush.falloff.word()).show_ui(
             ui,
             |ui| {
@@ -166,8 +175,8 @@ impl Editor {
                 ui.selectable_value(&mut brush.reach, reach, reach.word());
             }
         });
-        ui.add(percent(&mut brush.gradient[0], 0.0..=1.0).text("At the root"));
-        ui.add(percent(&mut brush.gradient[1], 0.0..=1.0).text("At the tip"));
+        percent(ui, "At the root", &mut brush.gradient[0], 0.0..=1.0);
+        percent(ui, "At the tip", &mut brush.gradient[1], 0.0..=1.0);
         ui.checkbox(&mut brush.mirror, "Mirror left and right");
     }
 
@@ -263,13 +272,24 @@ impl Editor {
             }
             let picture = self.shown.picture.as_ref();
             if let Some(line) = picture.and_then(|p| p.figures.as_ref()?.picked.as_ref()) {
-                ui.weak(line);
+                // The interface's fonts lack this sign.
+                ui.weak(line.replace(" ⊕", ","));
             }
         });
     }
 }
 
-/// A slider in per cent.
-fn percent(x: &mut f32, range: std::ops::RangeInclusive<f32>) -> egui::Slider<'_> {
-    egui::Slider::new(x, range).custom_formatter(|x, _| format!("{:.0} %", 100.0 * x))
+/// A slider in per cent; a range that does not begin at 0 is logarithmic where it is wide.
+pub(super) fn percent(
+    ui: &mut Ui,
+    what: &str,
+    x: &mut f32,
+    range: std::ops::RangeInclusive<f32>,
+) -> egui::Response {
+    let wide = *range.start() > 0.0 && range.end() / range.start() > 100.0;
+    fields::number(ui, what, fields::parse_percent, |ui, parser| {
+        let slider = egui::Slider::new(x, range).logarithmic(wide).text(what);
+        let shown = |x: f64, _| format!("{:.0} %", 100.0 * x);
+        ui.add(slider.custom_formatter(shown).custom_parser(parser))
+    })
 }

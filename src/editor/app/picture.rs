@@ -15,15 +15,23 @@ use crate::stage::Geometry;
 impl Editor {
     pub(super) fn viewport(&mut self, ui: &mut Ui) {
         let room = ui.available_rect_before_wrap();
-        let [width, height] = self.document.scene.output.size.map(|s| s as f32);
-        let scale = (room.width() / width).min(room.height() / height).max(0.0);
-        let rect = Rect::from_center_size(room.center(), scale * Vec2::new(width, height));
+        let rect = if self.frame_only {
+            let [width, height] = self.document.scene.output.size.map(|s| s as f32);
+            let scale = (room.width() / width).min(room.height() / height).max(0.0);
+            Rect::from_center_size(room.center(), scale * Vec2::new(width, height))
+        } else {
+            room
+        };
         self.rect = Some(rect);
         let response = ui.allocate_rect(room, egui::Sense::click_and_drag());
         fields::name_it(&response, "Picture");
         self.shown.pane.paint(ui, rect, rect);
         self.paint_truth(ui, rect);
         let ctx = ui.ctx().clone();
+        if let Some(frame) = self.frame_size(&ctx).filter(|_| !self.frame_only) {
+            let frame = Vec2::from(frame.map(|s| s as f32)) / ctx.pixels_per_point();
+            viewport::outline(ui, rect, Rect::from_center_size(rect.center(), frame));
+        }
         self.drag_over(&ctx, &response, rect);
         if response.hover_pos().is_some_and(|at| self.truth.divides(at, rect)) {
             ctx.set_cursor_icon(egui::CursorIcon::ResizeHorizontal);

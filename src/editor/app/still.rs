@@ -11,7 +11,7 @@ use super::Editor;
 use crate::capture::{self, CaptureOptions};
 use crate::editor::fields::{field, name_it};
 use crate::progress::Reporting;
-use crate::scene::{Background, OutputSpec, Scene};
+use crate::scene::{Background, OutputSpec, Scene, frame_within};
 
 /// A picture that is being made and saved; given up where it is dropped.
 pub(super) struct Saving {
@@ -33,8 +33,8 @@ impl Drop for Saving {
     }
 }
 
-/// Size, samples and background of a picture of `scene`; `own` is what the scene itself has, `window` the size of the
-/// picture that is shown.
+/// Size, samples and background of a picture of `scene`; `own` is what the scene itself has, `window` the size of its
+/// frame in the window.
 pub(super) fn picture_fields(
     ui: &mut Ui,
     scene: &mut Scene,
@@ -125,13 +125,19 @@ impl Editor {
         }
     }
 
-    /// Copies the picture as it is shown.
+    /// Copies the output's frame as it is shown.
     pub(super) fn copy_picture(&mut self, ctx: &egui::Context) {
         let Some(picture) = self.shown.picture.as_ref().filter(|_| self.finished()) else {
             return self.say("The picture is still being refined: copy it in a moment");
         };
-        let size = picture.size.map(|s| s as usize);
-        ctx.copy_image(egui::ColorImage::from_rgba_unmultiplied(size, &picture.rgba));
+        let [width, height] = picture.size.map(|s| s as usize);
+        let frame = frame_within(self.document.scene.output.size, picture.size);
+        let [wide, high] = frame.map(|s| s as usize);
+        let (left, top) = ((width - wide) / 2, (height - high) / 2);
+        let rows = picture.rgba.chunks_exact(4 * width).skip(top).take(high);
+        let rgba: Vec<u8> =
+            rows.flat_map(|row| &row[4 * left..4 * (left + wide)]).copied().collect();
+        ctx.copy_image(egui::ColorImage::from_rgba_unmultiplied([wide, high], &rgba));
         self.say("Copied the picture");
     }
 }

@@ -192,9 +192,7 @@ impl Editor {
             let truth = &mut self.truth;
             ui.checkbox(&mut truth.on, "Path traced beside the frame").on_hover_text("R");
             if truth.on {
-                let percent = |x: f64, _| format!("{:.0} %", 100.0 * x);
-                let slider = egui::Slider::new(&mut truth.divider, 0.0..=1.0);
-                ui.add(slider.custom_formatter(percent).text("Divider"));
+                super::panels::percent(ui, "Divider", &mut truth.divider, 0.0..=1.0);
                 let before = truth.side;
                 ui.horizontal_wrapped(|ui| {
                     for (side, word, help) in Side::ALL {

@@ -79,7 +79,15 @@ impl Editor {
                 return ctx.request_repaint_after(wait);
             }
         }
+        self.keep_now();
+    }
+
+    /// Keeps what is not saved, where anything is kept.
+    pub(super) fn keep_now(&mut self) {
         let stage = self.own_stage().cloned();
+        let Some(keeper) = self.unsaved.keeper.as_ref().filter(|_| self.document.changed()) else {
+            return;
+        };
         if self.document.paint.is_none() || stage.is_some() {
             keeper.keep(Work::of(&self.document), stage);
             self.unsaved.kept = Some((Work::of(&self.document), Instant::now()));
