@@ -255,7 +255,7 @@ fn names(layers: &[ColorLayer]) -> String {
 impl ColorLayer {
     /// What people read of its name.
     pub fn shown(&self) -> &str {
-        if self.name.is_empty() { "one without a name" } else { &self.name }
+        if self.name.is_empty() { "(unnamed)" } else { &self.name }
     }
 }
 

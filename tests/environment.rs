@@ -391,7 +391,8 @@ fn radiance_files_are_read_from_every_orientation() {
         line.chunks(2).flat_map(pair).collect()
     };
     let flat = |line: &[[u8; 4]]| -> Vec<u8> { line.concat() };
-    let packings: [&dyn Fn(&[[u8; 4]]) -> Vec<u8>; 3] = [&planes, &runs, &flat];
+    type Pack<'a> = &'a dyn Fn(&[[u8; 4]]) -> Vec<u8>;
+    let packings: [Pack; 3] = [&planes, &runs, &flat];
     let mut seen = 0;
     for (sign_y, sign_x) in [("-", "+"), ("-", "-"), ("+", "+"), ("+", "-")] {
         let y_of = |i: usize| if sign_y == "-" { i } else { height - 1 - i };

@@ -13,15 +13,23 @@ pub const FORMAT: &str = "OpenEXR";
 ///
 /// # Errors
 /// One line without the file's name: those of [`ExrFile`], or a cube map.
-pub fn read(bytes: &[u8], layer: Option<&str>) -> Result<(Environment, SourceInfo)> {
+pub fn read(bytes: &[u8], name: Option<&str>) -> Result<(Environment, SourceInfo)> {
     let file = ExrFile::open(bytes)?;
     let layers = file.color_layers();
-    let layer = file.choose(layer, "environment.layer (--env-layer)")?;
+    let layer = file.choose(name, "environment.layer (--env-layer)")?;
     ensure!(
         !file.is_cube(layer.part),
         "is a cube map; convert it to lat-long (equirectangular) first"
     );
-    let info = describe(file.header(layer.part), &layer, &layers);
+    let mut info = describe(file.header(layer.part), &layer, &layers);
+    if name.is_none() && !layer.name.is_empty() && layers.len() > 1 {
+        let others = layers.iter().filter(|other| **other != layer).map(ColorLayer::shown);
+        info.notes.push(format!(
+            "its layer {} is taken; it also has {} (--env-layer chooses)",
+            layer.name,
+            others.collect::<Vec<_>>().join(", ")
+        ));
+    }
     let planes = file.pixels(layer.part, layer.rgb.map(Some))?;
     let (width, height, pixels) = (planes.width, planes.height, planes.pixels);
     Ok((Environment::new(width, height, pixels), info))
@@ -67,14 +75,6 @@ fn describe(header: &Header, layer: &ColorLayer, layers: &[ColorLayer]) -> Sourc
              the display window is the picture, black where there is no data",
             window(data),
             window(display)
-        ));
-    }
-    if layers.len() > 1 {
-        let others = layers.iter().filter(|other| *other != layer).map(ColorLayer::shown);
-        notes.push(format!(
-            "taken of its layers: {}; there are also {} (environment.layer chooses)",
-            layer.shown(),
-            others.collect::<Vec<_>>().join(", ")
         ));
     }
     SourceInfo {
