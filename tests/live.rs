@@ -32,7 +32,7 @@ type Edit<'a> = (&'a str, &'a dyn Fn(&mut Wish));
 fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
     let wish = Wish::new(small(), [96, 96]);
     let points = Geometry::load(&wish.scene).unwrap().hair.points.len();
-    let edits: [Edit; 7] = [
+    let edits: [Edit; 9] = [
         ("another camera", &|wish| {
             let orbit = Orbit { azimuth_deg: 80.0, ..Orbit::default() };
             wish.scene.camera.view = View::Orbit(orbit);
@@ -52,6 +52,8 @@ fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
         ("turned light", &|wish| wish.scene.environment.rotation_deg = 70.0),
         ("samples", &|wish| wish.scene.render.samples = Some(8)),
         ("light turned back", &|wish| wish.scene.environment.rotation_deg = 0.0),
+        ("the head's colour", &|wish| wish.scene.head.color = [0.1, 0.4, 0.8]),
+        ("the head's place", &|wish| wish.scene.head.offset = Some([0.0, -0.02, 0.0])),
     ];
     let mut session = Session::default();
     let mut now = wish;

@@ -317,6 +317,7 @@ fn passed(response: &egui::Response, before: f64, after: f64) -> bool {
 /// What a field that is left to the program gets once it is not.
 fn first_value(field: &Field) -> Option<Value> {
     Some(match field.kind {
+        Kind::Number { .. } if field.name() == "scale" => Value::Number(1.0),
         Kind::Number { min, max } => Value::Number(0f64.clamp(min, max).max(0.1f64.min(max))),
         Kind::Integer { min, max } => Value::Number(16f64.clamp(min, max)),
         Kind::Vector { .. } => Value::List(vec![0.0; 3]),

@@ -15,7 +15,7 @@ use std::ops::Range;
 pub use curve::{Frames, normals, pieces};
 pub use load::{FileDetails, LoadOptions, LoadedHair, OnHead, load, load_on};
 pub use mend::{Mended, mend};
-pub use reverse::{Ends, is_reversed, reverse};
+pub use reverse::{is_reversed, reverse};
 pub use width::{Diameter, fibre_diameter, metre, width_profile};
 
 /// How many times the usual strand's distance and size away from the middle a strand is still part of the

@@ -81,19 +81,18 @@ pub fn is_reversed(hair: &Hair, on_head: Option<OnHead>) -> bool {
 }
 
 /// How ends of strands lie on the sphere that fits them best.
-#[derive(Debug)]
-pub struct Ends {
+struct Ends {
     /// Median distance from it over its radius.
-    pub off: f64,
+    off: f64,
     /// Share of strands that leave it outward.
-    pub outward: f64,
-    pub radius: f64,
+    outward: f64,
+    radius: f64,
     /// Median distance from their middle.
-    pub spread: f64,
+    spread: f64,
 }
 
 impl Ends {
-    pub fn of(ends: &[Vec3], ways: &[Vec3]) -> Ends {
+    fn of(ends: &[Vec3], ways: &[Vec3]) -> Ends {
         let (middle, spread) = super::median_distance(ends.iter().copied());
         let places: Vec<DVec3> = ends
             .iter()
