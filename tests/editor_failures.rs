@@ -231,6 +231,7 @@ fn what_cannot_be_used_stops_nothing_else() {
 
     // After a wrong one a good one of its kind is taken, and named in the history.
     open(&mut window, "broken.hair");
+    until(&mut window, "said", |window| message(window).contains("broken.hair: not"));
     open(&mut window, "strands.hair");
     seen(&mut window);
     assert!(picture(&window) != whole);

@@ -311,6 +311,11 @@ impl Editor {
         }
     }
 
+    /// Whether a dialog is open that waits for an answer.
+    fn asking(&self) -> bool {
+        self.files.asking() || self.unsaved.asking()
+    }
+
     fn is_wrong(&self) -> bool {
         self.message.as_ref().is_some_and(|(_, wrong)| *wrong)
     }
@@ -383,7 +388,7 @@ impl Editor {
     fn keys(&mut self, ui: &Ui) {
         let ctx = ui.ctx();
         // What is behind a dialog has no keys.
-        if dialog(ctx) {
+        if self.asking() {
             if !ctx.text_edit_focused() {
                 self.escape(ctx);
             }
@@ -464,11 +469,6 @@ impl Editor {
     fn resize_brush(&mut self, by: f32) {
         self.brush.radius = (self.brush.radius * by).clamp(0.003, 0.5);
     }
-}
-
-/// Whether a dialog is open that waits for an answer.
-fn dialog(ctx: &egui::Context) -> bool {
-    !ctx.memory(|memory| memory.is_above_modal_layer(egui::LayerId::background()))
 }
 
 /// Shows what takes a panel's width, `natural` at least, and scrolls where there is no room for it.

@@ -218,8 +218,8 @@ impl Session {
         // Paint belongs to its hair.
         let usable = Some(self.usable.clone())
             .filter(|usable| part != ScenePart::Paint || bare(usable) == bare(scene));
-        let others = usable.into_iter().chain([Scene::default(), headless]);
-        match { others }.find(|other| !part.same(other, scene)) {
+        let mut others = usable.into_iter().chain([Scene::default(), headless]);
+        match others.find(|other| !part.same(other, scene)) {
             Some(instead) => {
                 Said::Refused(Box::new(Refusal { part, line, refused: scene.clone(), instead }))
             }

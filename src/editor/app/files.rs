@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use eframe::egui::{self, Key, Ui};
 
 use super::still::picture_fields;
-use super::{Editor, History, SHORTCUTS, dialog};
+use super::{Editor, History, SHORTCUTS};
 use crate::editor::desktop;
 use crate::editor::document::{Document, put_file};
 use crate::editor::fields::name_it;
@@ -176,7 +176,7 @@ impl Editor {
 
     pub(super) fn dropped(&mut self, ctx: &egui::Context) {
         let files = ctx.input(|i| i.raw.dropped_files.clone());
-        if dialog(ctx) && !files.is_empty() {
+        if self.asking() && !files.is_empty() {
             return self.say("Answer what is asked first, then drop the file again");
         }
         for path in files.into_iter().map(|file| file.path().to_owned()) {

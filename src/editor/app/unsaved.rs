@@ -34,6 +34,11 @@ impl Unsaved {
         }
     }
 
+    /// Whether something is asked, or waited for.
+    pub(super) fn asking(&self) -> bool {
+        !self.left.is_empty() || self.recovering.is_some()
+    }
+
     /// Asks nothing before the next start.
     pub(super) fn later(&mut self) {
         self.left.clear();
