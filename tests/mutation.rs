@@ -14,12 +14,15 @@ use exr::prelude::{
     LayerAttributes, LineOrder, Vec2, WritableImage,
 };
 use glam::{DVec3, Vec3};
+use hairlight::field::Grid;
 use hairlight::hair::hair_format::{HairFile, Header};
 use hairlight::hair::{self, Hair, LoadOptions};
 use hairlight::measure::read::Picture;
 use hairlight::paint::{Channel, Paint};
 use hairlight::scene::Scene;
 use hairlight::srbf::{SrbfLight, to_json};
+use hairlight::stage::Geometry;
+use hairlight::transport::Occluders;
 use hairlight::{environment, head};
 
 /// Mutations of each format that always run, and of all formats together in the long run.
@@ -54,12 +57,21 @@ fn formats() -> Vec<Format> {
         format("frame.exr", exr_seeds(), Picture::read),
         format("hdr", hdr_seeds(), |path| environment::load(text(path))),
         format("json", lights_seeds(), |path| environment::load(text(path))),
-        format("hair", hair_seeds(), |path| hair::load(text(path), &LoadOptions::default())),
-        format("tfx", tfx_seeds(), |path| hair::load(text(path), &LoadOptions::default())),
+        format("hair", hair_seeds(), load_hair),
+        format("tfx", tfx_seeds(), load_hair),
         format("obj", obj_seeds(), |path| head::load(text(path))),
         format("toml", toml_seeds(), Scene::read),
         format("paint", paint_seeds(&groom), move |path| Paint::read(path, &groom)),
     ]
+}
+
+/// Loads a groom, and makes of it what a count from its file could make endless.
+fn load_hair(path: &Path) -> Result<()> {
+    let loaded = hair::load(text(path), &LoadOptions::default())?;
+    let stage = Geometry::new(loaded.hair, None, 0.01);
+    let volume = stage.density(16);
+    Grid::new(&stage, &Occluders { volume: &volume, head: None }, 8);
+    Ok(())
 }
 
 fn text(path: &Path) -> &str {
