@@ -173,6 +173,28 @@ fn toml_seeds() -> Vec<Vec<u8>> {
     vec![Scene::default().to_toml().into_bytes(), changed.as_bytes().to_vec()]
 }
 
+/// What a message quotes of a file may hold anything.
+#[test]
+fn what_is_quoted_of_a_file_stays_on_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let [scene, lights] = ["scene.toml", "lights.json"].map(|name| folder.path().join(name));
+    let line = |result: Result<()>, path: &Path| {
+        let fault =
+            fault(&|_| result.as_ref().map(|()| ()).map_err(|e| anyhow::anyhow!("{e:#}")), path);
+        assert!(result.is_err() && fault.is_none(), "{fault:?}");
+    };
+    for text in
+        ["[\"a\\nb\"]\nx = 1\n", "[fibre]\n\"e\\u001bta\" = 1\n", "[fibre]\npreset = \"re\\nd\"\n"]
+    {
+        std::fs::write(&scene, text).unwrap();
+        line(Scene::read(&scene).map(|_| ()), &scene);
+    }
+    for text in ["{\"a\\nb\":[]}", "{\"a\u{7f}b\":[]}"] {
+        std::fs::write(&lights, text).unwrap();
+        line(environment::load(self::text(&lights)).map(|_| ()), &lights);
+    }
+}
+
 fn paint_seeds(groom: &Hair) -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("seed.paint");

@@ -129,29 +129,6 @@ for place in 640,40 640,760; do
     [ "$dark" = 0 ] || fail "the picture does not reach $place"
 done
 
-# A broken file stops nothing: presets, undo and a good file are seen.
-printf 'HAIR but not really' >"$home/broken.hair"
-open_path() {
-    xdotool key ctrl+o
-    sleep 1
-    xdotool key ctrl+a
-    xdotool type --delay 5 "$1"
-    sleep 0.3
-    xdotool key Return
-}
-before=$(rest)
-open_path "$home/broken.hair"
-sleep 1
-aside
-[ "$(rest)" = "$before" ] || fail "a broken file changes the picture"
-shot broken
-xdotool mousemove 1197 72 click 1
-aside
-until_ "a preset after a broken file" is_other "$before"
-rest >/dev/null
-xdotool key ctrl+z
-until_ "the preset is undone" is_seen "$before"
-
 xdotool key b
 bare=$(rest)
 xdotool mousemove 520 330 mousedown 1
@@ -197,6 +174,29 @@ until_ "the truth stands beside the frame" is_other "$whole"
 [ -z "$shots" ] || sleep 15
 shot truth
 xdotool key r
+
+# A broken file stops nothing: presets and undo are seen.
+printf 'HAIR but not really' >"$home/broken.hair"
+open_path() {
+    xdotool key ctrl+o
+    sleep 1
+    xdotool key ctrl+a
+    xdotool type --delay 5 "$1"
+    sleep 0.3
+    xdotool key Return
+}
+before=$(rest)
+open_path "$home/broken.hair"
+sleep 1
+aside
+[ "$(rest)" = "$before" ] || fail "a broken file changes the picture"
+shot broken
+xdotool mousemove 1197 72 click 1
+aside
+until_ "a preset after a broken file" is_other "$before"
+rest >/dev/null
+xdotool key ctrl+z
+until_ "the preset is undone" is_seen "$before"
 
 # Waits until the window is gone; `ended` is what it ended with.
 gone() {

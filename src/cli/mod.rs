@@ -82,7 +82,7 @@ pub fn main() -> ExitCode {
             ExitCode::from(EXIT_CANCELLED)
         }
         Err(error) => {
-            let text = format!("{error:#}");
+            let text = format!("{error:#}").replace(char::is_control, " ");
             let line: Vec<&str> = text.lines().map(str::trim).collect();
             eprintln!("error: {}", line.join(" "));
             ExitCode::FAILURE

@@ -321,7 +321,7 @@ impl Scene {
     pub fn from_toml(text: &str, name: &str, folder: &Path) -> Result<Scene> {
         let document = DeTable::parse(text).map_err(|e| {
             let (line, column) = position(text, e.span().map_or(0, |span| span.start));
-            anyhow!("{name}:{line}:{column}: {}", e.message().replace('\n', " "))
+            anyhow!("{name}:{line}:{column}: {}", e.message().replace(char::is_control, " "))
         })?;
         let mut leaves = Vec::new();
         flatten(document.get_ref(), "", &mut leaves);
@@ -330,8 +330,10 @@ impl Scene {
         for leaf in leaves {
             let assignment = field_named(&leaf.key)
                 .and_then(|field| Ok(Assignment { field, value: field.read_toml(leaf.value)? }));
-            let Assignment { field, value } =
-                assignment.map_err(|e| anyhow!("{name}:{}: {e}", position(text, leaf.start).0))?;
+            let Assignment { field, value } = assignment.map_err(|e| {
+                let reason = e.replace(char::is_control, " ");
+                anyhow!("{name}:{}: {reason}", position(text, leaf.start).0)
+            })?;
             level.push(Assignment { field, value: field.relocate(value, folder) });
         }
         let mut scene = Scene::default();

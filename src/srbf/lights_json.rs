@@ -48,7 +48,7 @@ const BRIGHTEST: f64 = 1e35;
 pub fn from_json(json: &str) -> Result<Vec<SrbfLight>> {
     let json = json.trim_start_matches('\u{feff}');
     let read: LightsJson = serde_json::from_str(json)
-        .map_err(|error| anyhow!("{}", error.to_string().replace(['\n', '\r'], " ")))?;
+        .map_err(|error| anyhow!("{}", error.to_string().replace(char::is_control, " ")))?;
     let count = read.lights.len();
     ensure!((1..=MAX_LIGHTS).contains(&count), "{count} lights: give 1 to {MAX_LIGHTS}");
     let convert = |(i, light): (usize, LightJson)| {
