@@ -197,8 +197,10 @@ const LONG: [&str; 4] = ["--strands", "60000", "--size", "960x640"];
 fn without_vulkan_one_line_says_what_to_install_and_no_frame_is_written() {
     let folder = tempdir().unwrap();
     let small = ["--strands", "1000", "--size", "32x32", "--lights", "2", "-q", "-o", "frame.png"];
-    for more in [&[][..], &["--method", "xu"], &["--quality", "30%"]] {
-        let arguments = [&["capture"], &small[..], more].concat();
+    let capture = |more: &[&'static str]| [&["capture"], &small[..], more].concat();
+    let all =
+        [capture(&[]), capture(&["--method", "xu"]), capture(&["--quality", "30%"]), vec!["view"]];
+    for arguments in all {
         for (variable, value, says) in [
             ("VK_DRIVER_FILES", "/nowhere", "mesa-vulkan-drivers"),
             ("WGPU_BACKEND", "gl", "WGPU_BACKEND"),
@@ -206,13 +208,13 @@ fn without_vulkan_one_line_says_what_to_install_and_no_frame_is_written() {
             let mut command = hairlight(folder.path());
             let output = command.args(&arguments).env(variable, value).output().unwrap();
             let error = stderr(&output);
-            assert_eq!(output.status.code(), Some(1), "{variable} {more:?}: {error}");
-            assert_eq!(error.lines().count(), 1, "{variable} {more:?}: {error}");
-            assert!(error.contains(says), "{variable} {more:?}: {error}");
+            assert_eq!(output.status.code(), Some(1), "{variable} {arguments:?}: {error}");
+            assert_eq!(error.lines().count(), 1, "{variable} {arguments:?}: {error}");
+            assert!(error.contains(says), "{variable} {arguments:?}: {error}");
             assert!(!folder.path().join("frame.png").exists());
         }
     }
-    let output = run(folder.path(), &[&["capture"], &small[..]].concat());
+    let output = run(folder.path(), &capture(&[]));
     assert_eq!(output.status.code(), Some(0), "with Vulkan: {}", stderr(&output));
 }
 

@@ -179,8 +179,11 @@ fn what_is_quoted_of_a_file_stays_on_its_line() {
     let folder = tempfile::tempdir().unwrap();
     let [scene, lights] = ["scene.toml", "lights.json"].map(|name| folder.path().join(name));
     let line = |result: Result<()>, path: &Path| {
-        let fault =
-            fault(&|_| result.as_ref().map(|()| ()).map_err(|e| anyhow::anyhow!("{e:#}")), path);
+        let again = |_: &Path| match &result {
+            Ok(()) => Ok(()),
+            Err(error) => Err(anyhow::anyhow!("{error:#}")),
+        };
+        let fault = fault(&again, path);
         assert!(result.is_err() && fault.is_none(), "{fault:?}");
     };
     for text in

@@ -7,6 +7,7 @@ use clap::{Arg, ArgMatches, Command, value_parser};
 
 use crate::editor::{self, Document};
 use crate::file::typed_path;
+use crate::gpu::Gpu;
 use crate::scene::Scene;
 
 pub fn command() -> Command {
@@ -28,6 +29,8 @@ pub fn command() -> Command {
 }
 
 pub fn run(_: &mut Command, matches: &ArgMatches) -> Result<()> {
+    // Said before a window opens that could show nothing.
+    Gpu::check()?;
     let document = match matches.get_one::<PathBuf>("file") {
         Some(path) => {
             Document::open(&path.to_str().map_or(path.clone(), |p| typed_path(p).into()))?

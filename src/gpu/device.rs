@@ -33,18 +33,7 @@ impl Gpu {
     }
 
     async fn open(wanted: &str) -> Result<Gpu> {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
-        descriptor.backends &= BACKENDS;
-        ensure!(
-            !descriptor.backends.is_empty(),
-            "WGPU_BACKEND allows no backend that can draw hair: unset it, or set it to vulkan, metal or dx12"
-        );
-        let backends = descriptor.backends;
-        let mut adapters = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;
-        if adapters.is_empty() {
-            bail!("no Vulkan, Metal or Direct3D 12 adapter found (OpenGL does not do): {INSTALL}");
-        }
-        adapters.sort_by_key(|a| preference(a.get_info().device_type));
+        let adapters = adapters().await?;
         let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
         let chosen = adapters.into_iter().find(|a| {
             let info = a.get_info();
@@ -74,6 +63,14 @@ impl Gpu {
         let told = lost.clone();
         device.set_device_lost_callback(move |_, _| told.store(true, Ordering::Relaxed));
         Ok(Gpu { device, queue, info, shaders: Shaders::default(), lost })
+    }
+
+    /// Whether there is an adapter at all.
+    ///
+    /// # Errors
+    /// One line that says what to install.
+    pub fn check() -> Result<()> {
+        pollster::block_on(adapters()).map(drop)
     }
 
     /// Whether the device is gone: its driver was reset or updated, or the adapter taken out. Nothing works on it again.
@@ -108,6 +105,24 @@ impl Gpu {
             staging.slice(..).get_mapped_range().context("a buffer could not be read back")?;
         Ok(bytemuck::cast_slice(&view).to_vec())
     }
+}
+
+/// All adapters that hair can be drawn on, the best one first; at least one.
+async fn adapters() -> Result<Vec<wgpu::Adapter>> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+    descriptor.backends &= BACKENDS;
+    ensure!(
+        !descriptor.backends.is_empty(),
+        "WGPU_BACKEND allows no backend that can draw hair: unset it, or set it to vulkan, metal or dx12"
+    );
+    let backends = descriptor.backends;
+    let mut adapters = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;
+    ensure!(
+        !adapters.is_empty(),
+        "no Vulkan, Metal or Direct3D 12 adapter found (OpenGL does not do): {INSTALL}"
+    );
+    adapters.sort_by_key(|a| preference(a.get_info().device_type));
+    Ok(adapters)
 }
 
 /// WebGPU's default limits, but for the sizes that grooms and pictures need, as the adapter offers them.
