@@ -74,7 +74,7 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
         let (name, folder) = (path.display(), folder(path));
         ensure!(
             folder.is_dir(),
-            "{name}: the folder {} is not there: make it first",
+            "{name}: cannot be written: the folder {} is not there: make it first",
             folder.display()
         );
         let identity = identity(path).with_context(|| format!("{name}: cannot be written"))?;

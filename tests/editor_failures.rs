@@ -237,7 +237,7 @@ fn what_cannot_be_used_stops_nothing_else() {
     assert!(picture(&window) != whole);
     window.get_by_label("Step 1: Open strands.hair");
     open(&mut window, "broken.exr");
-    until(&mut window, "said", |window| message(window).contains("broken.exr is neither"));
+    until(&mut window, "said", |window| message(window).contains("broken.exr is not"));
     open(&mut window, "unit.exr");
     seen(&mut window);
     window.get_by_label("Step 2: Open unit.exr");

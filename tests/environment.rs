@@ -470,7 +470,7 @@ fn a_list_of_lights_is_a_map() {
         ("{\"lights\":[]}", "0 lights"),
         ("\u{feff} {\"light\":[]}", "is no list of lights"),
         ("{\"a\\nb\":[]}", "is no list of lights"),
-        ("[1]", "neither an OpenEXR nor"),
+        ("[1]", "is not a lat-long map but"),
     ] {
         std::fs::write(&path, text).unwrap();
         expect_line(load_path(&path), &path, reason);

@@ -519,11 +519,11 @@ impl Session {
         self.using = Some(ScenePart::Hair);
         let loaded = Geometry::load_bare(scene);
         if loaded.is_err() {
+            // Of two that are wrong the hair is said first.
             let mut headless = scene.clone();
             headless.head.source = "none".to_owned();
-            if load_hair(&headless).is_ok() {
-                self.using = Some(ScenePart::Head);
-            }
+            load_hair(&headless)?;
+            self.using = Some(ScenePart::Head);
         }
         let mut stage = loaded?;
         stage.notes.iter().for_each(|line| say(Said::Note(line.clone())));
