@@ -120,6 +120,36 @@ pub fn look(window: &mut Window, name: &str) {
     window.render().unwrap().save(folder.join(name)).unwrap();
 }
 
+/// Under light from one side the metered exposure is another from every side; a turn keeps the one that it began with.
+#[test]
+fn a_turntable_keeps_its_exposure() {
+    let folder = tempdir().unwrap();
+    let map = folder.path().join("side.exr");
+    let light = |x: usize| if x < 8 { 4f32 } else { 0.02 };
+    exr::prelude::write_rgb_file(&map, 32, 16, |x, _| (light(x), light(x), light(x))).unwrap();
+    let mut scene = small();
+    scene.environment.source = map.to_string_lossy().into_owned();
+    scene.environment.exposure = 0.5;
+    let mut window = window(Document::new(scene, None));
+    let shown = |window: &Window| {
+        let picture = editor(window).picture().expect("a picture");
+        (picture.scale, picture.lens.forward)
+    };
+    let (begun, from) = shown(&window);
+    key(&mut window, Modifiers::NONE, Key::T);
+    let started = Instant::now();
+    while shown(&window).1.dot(from) > -0.5 {
+        window.step();
+        std::thread::sleep(Duration::from_millis(2));
+        assert!((shown(&window).0 / begun - 1.0).abs() < 1e-4, "{} {begun}", shown(&window).0);
+        assert!(started.elapsed() < Duration::from_secs(60), "it does not turn");
+    }
+    // The control: at rest it is metered there.
+    key(&mut window, Modifiers::NONE, Key::T);
+    seen(&mut window);
+    assert!((shown(&window).0 / begun).log2().abs() > 0.3, "{} {begun}", shown(&window).0);
+}
+
 #[test]
 fn what_is_shown_is_what_capture_makes() {
     let folder = tempdir().unwrap();

@@ -77,6 +77,14 @@ enum Tool {
     Paint,
 }
 
+/// A turntable under way.
+struct Turn {
+    /// When the camera was last moved.
+    last: Instant,
+    /// Stops that were metered where it began: one exposure for the whole turn, as in a capture.
+    exposure: Option<f64>,
+}
+
 /// The editor's state.
 pub struct Editor {
     pub document: Document,
@@ -116,7 +124,7 @@ pub struct Editor {
     saving: Option<Saving>,
     cancelled: Option<&'static AtomicBool>,
     shortcuts: bool,
-    turning: Option<Instant>,
+    turning: Option<Turn>,
     /// The light's or the brush's drag under way.
     drag: Option<Drag>,
     /// Shows the output's frame alone, and not what lies around it.
@@ -351,7 +359,10 @@ impl Editor {
             }
         }
         let Some(size) = self.size(ctx) else { return };
-        let scene = self.document.scene.clone();
+        let mut scene = self.document.scene.clone();
+        if let Some(turn) = &self.turning {
+            scene.output.exposure = scene.output.exposure.or(turn.exposure);
+        }
         let (paint, shaders) = (self.document.paint.clone(), self.shaders.clone());
         let wish = Wish { scene, paint, size, moving: held, shaders };
         let same = self.asked.as_ref().is_some_and(|(_, asked)| {
@@ -442,7 +453,7 @@ impl Editor {
             self.truth.on = !self.truth.on;
         }
         if key(Key::T) {
-            self.turning = self.turning.is_none().then(Instant::now);
+            self.set_turning(self.turning.is_none());
         }
         if key(Key::I) {
             self.eyedrop(ctx);

@@ -1,7 +1,6 @@
 //! Panels around the picture: menu, status, tools, the scene.
 
 use std::path::Path;
-use std::time::Instant;
 
 use eframe::egui::{self, Ui};
 
@@ -61,7 +60,7 @@ impl Editor {
                 ui.checkbox(&mut self.truth.on, "Truth beside the frame");
                 let mut turning = self.turning.is_some();
                 if ui.checkbox(&mut turning, "Turntable").clicked() {
-                    self.turning = turning.then(Instant::now);
+                    self.set_turning(turning);
                 }
                 ui.separator();
                 ui.menu_button("Interface size", egui::gui_zoom::zoom_menu_buttons);

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use eframe::egui::{self, Color32, Pos2, Rect, Ui, Vec2};
 
-use super::{Drag, Editor, Tool};
+use super::{Drag, Editor, Tool, Turn};
 use crate::editor::brush::{Canvas, Places, Stroke, pick};
 use crate::editor::{fields, viewport};
 use crate::paint::{Channel, Paint};
@@ -161,10 +161,18 @@ impl Editor {
         }
     }
 
+    /// Starts or stops the turntable.
+    pub(super) fn set_turning(&mut self, on: bool) {
+        let metered = self.shown.picture.as_ref().map(|picture| {
+            f64::from(picture.scale).log2() - self.document.scene.environment.exposure
+        });
+        self.turning = on.then(|| Turn { last: Instant::now(), exposure: metered });
+    }
+
     pub(super) fn turn(&mut self, ctx: &egui::Context) {
         /// Degrees a second.
         const SPEED: f64 = 36.0;
-        let Some(last) = &mut self.turning else { return };
+        let Some(Turn { last, .. }) = &mut self.turning else { return };
         let seconds = last.elapsed().as_secs_f64();
         // No faster than there are pictures.
         if self.shown.picture.is_some() && seconds > 0.05 {
