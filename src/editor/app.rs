@@ -212,7 +212,8 @@ impl Editor {
         let width = ui.available_width();
         let right = egui::Panel::right("scene").default_size(336.0).max_size(0.38 * width);
         right.show(ui, |ui| scrolled(ui, 316.0, |ui| self.scene_panel(ui)));
-        let left = egui::Panel::left("tools").exact_size(f32::min(250.0, 0.29 * width));
+        let left = egui::Panel::left("tools").resizable(false);
+        let left = left.exact_size(f32::min(250.0, 0.29 * width));
         left.show(ui, |ui| scrolled(ui, 225.0, |ui| self.tool_panel(ui)));
         egui::CentralPanel::no_frame().show(ui, |ui| self.viewport(ui));
     }
