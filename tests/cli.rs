@@ -313,6 +313,8 @@ fn interrupt_ends_any_stage_within_a_second_and_leaves_nothing() {
         let mut command = hairlight(folder.path());
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.args(arguments).spawn().unwrap();
+        // Waiting for the child would close its input, and end what reads it.
+        let _input = child.stdin.take();
         std::thread::sleep(Duration::from_secs_f64(seconds));
         assert!(child.try_wait().unwrap().is_none(), "{arguments:?} is over after {seconds} s");
         let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
