@@ -2,6 +2,7 @@
 
 use std::any::Any;
 use std::cell::Cell;
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::panic::{self, AssertUnwindSafe};
@@ -69,7 +70,7 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
         Ok(folder(&path).canonicalize()?.join(path.file_name().unwrap_or_default()))
     };
     let inputs: Vec<PathBuf> = inputs.iter().filter_map(|path| identity(path).ok()).collect();
-    let mut known = Vec::new();
+    let mut known = HashSet::new();
     for path in outputs {
         let (name, folder) = (path.display(), folder(path));
         ensure!(
@@ -82,8 +83,7 @@ pub fn check_outputs(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
             !inputs.contains(&identity),
             "{name}: is read as an input and would be overwritten: choose another name"
         );
-        ensure!(!known.contains(&identity), "{name}: is written twice: choose another name");
-        known.push(identity);
+        ensure!(known.insert(identity), "{name}: is written twice: choose another name");
     }
     Ok(())
 }

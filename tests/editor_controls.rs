@@ -268,7 +268,12 @@ fn the_brush_has_a_scenes_ways_to_state_its_colour() {
 
 /// Types into the number named `label`, and enters it.
 fn type_number(window: &mut Window, label: &str, text: &str) {
-    window.get_by_role_and_label(Role::SpinButton, label).click();
+    type_into(window, Role::SpinButton, label, text);
+}
+
+/// Types into the field of a kind named `label`, and enters it.
+fn type_into(window: &mut Window, role: Role, label: &str, text: &str) {
+    window.get_by_role_and_label(role, label).click();
     window.run_steps(3);
     key(window, Modifiers::COMMAND, Key::A);
     window.event(Event::Text(text.to_owned()));
@@ -327,13 +332,7 @@ fn text_that_is_no_value_is_refused_aloud() {
     let mut window = window_of(Document::new(scene.clone(), None), [1280.0, 2200.0]);
     click(&mut window, "Rendering");
     let type_text = |window: &mut Window, label: &str, text: &str| {
-        window.get_by_role_and_label(Role::TextInput, label).click();
-        window.run_steps(3);
-        key(window, Modifiers::COMMAND, Key::A);
-        window.event(Event::Text(text.to_owned()));
-        window.run_steps(2);
-        key(window, Modifiers::NONE, Key::Enter);
-        window.run_steps(3);
+        type_into(window, Role::TextInput, label, text);
     };
     for text in ["nan%", "inf ms", "good"] {
         type_text(&mut window, "quality", text);

@@ -12,7 +12,7 @@ use anyhow::{Result, anyhow};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Environment, SourceInfo, uv_to_direction};
+use super::{Environment, SourceInfo, luminance, uv_to_direction};
 
 const WIDTH: usize = 512;
 const HEIGHT: usize = 256;
@@ -387,10 +387,6 @@ fn add_disc(environment: &mut Environment, centre: DVec3, irradiance: DVec3) {
             *value += added as f32;
         }
     }
-}
-
-fn luminance(rgb: DVec3) -> f64 {
-    rgb.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
 fn smoothstep(start: f64, end: f64, x: f64) -> f64 {

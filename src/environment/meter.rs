@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::Environment;
+use super::{Environment, luminance};
 
 /// Longest side of the map that is metered: a diffuse surface blurs light over a quarter turn.
 const SIDE: usize = 64;
@@ -26,9 +26,8 @@ impl LightMeter {
         let small = map.shrunk(SIDE);
         let pixel = |(i, rgb): (usize, &[f32; 3])| {
             let (column, row) = (i % small.width, i / small.width);
-            let [r, g, b] = rgb.map(f64::from);
-            let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-            (small.pixel_direction(column, row), luminance * small.solid_angle(row))
+            let light = luminance(rgb.map(f64::from).into()) * small.solid_angle(row);
+            (small.pixel_direction(column, row), light)
         };
         LightMeter { light: small.pixels.iter().enumerate().map(pixel).collect() }
     }

@@ -197,6 +197,11 @@ fn covered(
     })
 }
 
+/// Linear Rec. 709 luminance.
+fn luminance(rgb: DVec3) -> f64 {
+    rgb.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
 /// Weights of the four nearest samples at t in [0, 1) past the second, for a cubic B-spline.
 fn b_spline(t: f64) -> [f64; 4] {
     let r = 1.0 - t;

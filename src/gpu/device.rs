@@ -18,8 +18,7 @@ pub struct Gpu {
     lost: Arc<AtomicBool>,
 }
 
-/// Backends that hair is drawn on. OpenGL's adapters open, but leave the visibility buffer empty: its drivers lack
-/// multisampled integer targets.
+/// Backends that hair is drawn on. OpenGL's adapters open, but their frames lack the hair (Mesa 22.3).
 const BACKENDS: wgpu::Backends = wgpu::Backends::PRIMARY;
 
 const INSTALL: &str = "install a Vulkan driver (on Debian and Ubuntu the CPU one is \

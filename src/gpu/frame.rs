@@ -661,12 +661,7 @@ impl Renderer {
                 self.find(&mut encoder, &mut timer, &work, &mark, &view);
                 let points = Dispatch::Planned;
                 self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, points);
-                {
-                    let mut compute = begin(&mut encoder, "end", None);
-                    compute.set_pipeline(&self.fixed.end);
-                    compute.set_bind_group(0, &end, &[]);
-                    compute.dispatch_workgroups(1, 1, 1);
-                }
+                self.end_shading(&mut encoder, &end);
                 self.resolve(&mut encoder, &mut timer, &work, &view);
                 if pass + 1 == sampling.passes {
                     self.backdrop(&mut encoder, &mut timer, &work, &view);
@@ -681,6 +676,14 @@ impl Renderer {
         let shaded = work.listed(&self.gpu)?;
         let passes = timer.read(&self.gpu)?;
         Ok(Frame { size, pixels, hair_coverage, shaded, passes })
+    }
+
+    /// Notes that the points listed so far are shaded.
+    fn end_shading(&self, encoder: &mut wgpu::CommandEncoder, end: &wgpu::BindGroup) {
+        let mut compute = begin(encoder, "end", None);
+        compute.set_pipeline(&self.fixed.end);
+        compute.set_bind_group(0, end, &[]);
+        compute.dispatch_workgroups(1, 1, 1);
     }
 
     /// Adds a pass's share of each pixel.
@@ -751,11 +754,7 @@ impl Renderer {
             let view = self.view(&band, Background::Transparent, sampling, pass);
             self.find(&mut encoder, &mut timer, &work, &mark, &view);
             self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, Dispatch::Planned);
-            let mut compute = begin(&mut encoder, "end", None);
-            compute.set_pipeline(&self.fixed.end);
-            compute.set_bind_group(0, &end, &[]);
-            compute.dispatch_workgroups(1, 1, 1);
-            drop(compute);
+            self.end_shading(&mut encoder, &end);
             self.gpu.queue.submit([encoder.finish()]);
         }
         let points = work.listed(&self.gpu)?;
