@@ -2,6 +2,7 @@
 
 const PI = 3.14159265358979;
 const HALF_PI = 1.57079632679490;
+const TWO_PI = 6.28318530717959;
 
 // asin(x), x in [−1, 1]: Abramowitz & Stegun 4.4.46 in f32, absolute error below 4e-7.
 fn asin_accurate(x: f32) -> f32 {
@@ -40,4 +41,15 @@ fn sin_near(x: f32) -> f32 {
 // φ wrapped to [−π, π].
 fn wrap(phi: f32) -> f32 {
     return phi - 2.0 * PI * round(phi / (2.0 * PI));
+}
+
+// A unit normal of unit u (Duff et al. 2017). Twin: `normals` of src/hair/curve.rs.
+fn any_normal(u: vec3f) -> vec3f {
+    let s = select(-1.0, 1.0, u.z >= 0.0);
+    let a = -1.0 / (s + u.z);
+    return vec3f(1.0 + s * u.x * u.x * a, s * u.x * u.y * a, -s * u.x);
+}
+
+fn square(x: f32) -> f32 {
+    return x * x;
 }

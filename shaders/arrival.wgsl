@@ -1,31 +1,28 @@
 // What transport brings to a point, as a method takes it.
 
-// The means of V e^(−sτ) over a light, at any s: ln(mean/open) is quadratic in s through its values at 0, ¼ and 1.
-struct Depth {
-    open: f32,          // at s = 0
-    slope: vec2f,       // ln(mean/open) = slope.x s + slope.y s²
+// Means over the rays of a light: with n the strands that a ray crosses, n′ those behind the point, V what the head leaves.
+// Twin: src/transport/mod.rs.
+struct TransmittanceMoments {
+    t1: f32,            // of V [n = 0]: T̃
+    t_quarter: f32,     // of V 0.75^n
+    visibility: f32,    // of V
+    back: f32,          // of 0.5^n′
 }
 
-// From a packed transport::Reach.
-fn depth_of(bits: u32) -> Depth {
-    let direct = square(f32(bits & 1023u) / 1023.0);
-    let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
-    let open = square(f32((bits >> 18u) & 63u) / 63.0);
-    let ln_quarter = log(max(quarter, 1e-6) / max(open, 1e-6));
-    let ln_direct = log(max(direct, 2e-7) / max(open, 1e-6));
-    let p = (16.0 * ln_quarter - ln_direct) / 3.0;
-    return Depth(open, vec2f(p, ln_direct - p));
+// From words of transmittance.wgsl; the second counts for FORWARD alone.
+fn transmittance_of(counts: u32, means: u32) -> TransmittanceMoments {
+    let t1 = f32(counts & 0xffffu) / f32(max(counts >> 16u, 1u));
+    if FORWARD {
+        return TransmittanceMoments(t1, max(t1, f32((means >> 8u) & 4095u) / 4095.0), f32(means & 255u) / 255.0,
+            f32(means >> 20u) / 4095.0);
+    }
+    return TransmittanceMoments(t1, t1, 1.0, 1.0);
 }
 
-fn through(depth: Depth, s: vec3f) -> vec3f {
-    let ln_share = s * (depth.slope.x + depth.slope.y * s);
-    return depth.open * exp(min(ln_share, vec3f()));
-}
-
-// Mean number of forward scatterings of what comes through at s = 1−ā_f, given that there was one.
-fn scatterings(depth: Depth, a_f: vec3f) -> vec3f {
-    let mean = max(-(depth.slope.x + 2.0 * depth.slope.y * (1.0 - a_f)) * a_f, vec3f(1e-4));
-    return mean / (1.0 - exp(-mean));
+// Of light that crosses strands on its way: the strands that stand for its rays, 1 or more.
+fn strands_crossed(m: TransmittanceMoments) -> f32 {
+    let crossing = max(m.visibility - m.t1, 1e-6);
+    return max(log(clamp((m.t_quarter - m.t1) / crossing, 1e-6, 0.75)) / log(0.75), 1.0);
 }
 
 // What a light brings to a point.
@@ -37,12 +34,6 @@ struct Arrival {
     energy: f32,        // E_j = ∫G_j dω
     rgb: vec3f,         // L_j
     least: f32,         // radiance that must arrive to matter
-    direct: f32,        // T̃
-    beyond: f32,        // mean of e^(−τ′/2), τ′ behind the point
-    depth: Depth,
+    known: TransmittanceMoments,
     field: vec3f,       // radiance along an ordinate that other strands have scattered
-}
-
-fn square(x: f32) -> f32 {
-    return x * x;
 }

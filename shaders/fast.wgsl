@@ -166,7 +166,7 @@ fn strand_at(fibre: Fibre, theta_o: f32) -> Strand {
 fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) -> vec3f {
     var arriving = vec3f();
     if ((parts & SINGLE) != 0u) {
-        arriving = arrival.direct * arrival.rgb;
+        arriving = arrival.known.t1 * arrival.rgb;
     }
     if ((parts & (GLOBAL | LOCAL)) != 0u) {
         arriving += arrival.field;

@@ -1,6 +1,5 @@
 // Gaussians on the line and on the circle. Twin: src/scattering/gaussian.rs.
 
-const TWO_PI = 6.28318530717959;
 const SQRT_PI = 1.77245385090552;
 const KAPPA_MAX: f32 = 2e4;
 

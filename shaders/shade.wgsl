@@ -26,13 +26,16 @@ struct Shading {
     parts: u32,         // of those that the pipeline has
     first_light: u32,   // lights arrive in groups that keep a buffer under 128 MiB
     lights: u32,
-    slots: u32,         // points whose reach is known
+    slots: u32,         // points whose T̃ is known
     first_ordinate: u32,
     field_origin: vec3f,
     field_cell: f32,
     field_dims: vec3f,
     field_scale: f32,
     lamps: u32,
+    stride: u32,        // words of a slot
+    last_column: u32,   // place that light 0 would have among a slot's words, in pairs
+    pad: u32,
 }
 
 struct NeededPoints {
@@ -46,7 +49,8 @@ struct NeededPoints {
 @group(1) @binding(1) var<storage, read> strand_points: array<vec4f>;
 @group(1) @binding(2) var<storage, read> needed: NeededPoints;
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
-@group(1) @binding(4) var<storage, read> reach: array<u32>;    // light by light, slot by slot: transport::Reach
+// Slot by slot, light by light from the last to the first: as transmittance.wgsl writes them.
+@group(1) @binding(4) var<storage, read> words: array<u32>;
 @group(1) @binding(5) var<storage, read_write> radiance: array<vec4f>;
 @group(1) @binding(6) var<storage, read> slots: array<u32>;    // of each point
 // field::Field: RGB and a cell's weight, premultiplied by it, ordinate by ordinate along z.
@@ -92,15 +96,14 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
                 light = lamp_from(light, position);
             }
         }
-        let bits = reach[j * shading.slots + slot];
-        let direct = square(f32(bits & 1023u) / 1023.0);
-        let quarter = square(f32((bits >> 10u) & 255u) / 255.0);
+        let place = slot * shading.stride + select(1u, 2u, FORWARD) * (shading.last_column - index);
+        let known = transmittance_of(words[place], words[place + select(0u, 1u, FORWARD)]);
         var scattered = vec3f();
         if (!FORWARD && (PARTS & (GLOBAL | LOCAL)) != 0u && index >= shading.first_ordinate) {
             scattered = field_at(cell, index - shading.first_ordinate);
         }
-        // What comes forward through other strands is judged by the mean at s = ¼.
-        let through = select(direct, max(direct, quarter), FORWARD && (PARTS & (GLOBAL | LOCAL)) != 0u);
+        // What comes forward through other strands is judged by what they leave of it at s = ¼.
+        let through = select(known.t1, known.t_quarter, FORWARD && (PARTS & (GLOBAL | LOCAL)) != 0u);
         let most = max(through * light.rgb, scattered);
         if (max(most.x, max(most.y, most.z)) < light.least) {
             continue;
@@ -118,9 +121,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
             light.energy,
             light.rgb,
             light.least,
-            direct,
-            square(f32(bits >> 24u) / 255.0),
-            depth_of(bits),
+            known,
             scattered,
         );
         total += light_scattering(own, strand, arrival, parts);
@@ -167,11 +168,4 @@ fn across(direction: vec3f, axis_x: vec3f, axis_y: vec3f) -> vec2f {
     let v = vec2f(dot(direction, axis_x), dot(direction, axis_y));
     let l = length(v);
     return select(vec2f(1.0, 0.0), v / max(l, 1e-20), l > 1e-6);
-}
-
-// A unit normal of unit u, as `normals` of src/gpu/frame.rs has it (Duff et al. 2017).
-fn any_normal(u: vec3f) -> vec3f {
-    let s = select(-1.0, 1.0, u.z >= 0.0);
-    let a = -1.0 / (s + u.z);
-    return vec3f(1.0 + s * u.x * u.x * a, s * u.x * u.y * a, -s * u.x);
 }

@@ -178,11 +178,11 @@ fn back_node(node: Node, theta_o: f32) -> vec3f {
 
 // Dual scattering, Xu 2011 Eq 2–4, with transport's means in place of T̃ and T_f:
 //
-//   direct · (M_j + d_b b M_j^L,direct) + E_j forward · (M_j^G + d_b b M_j^L)
+//   T̃ · (M_j + d_b b M_j^L,direct) + E_j forward · (M_j^G + d_b b M_j^L)
 //
-// direct = T̃; forward = d_f (mean e^{−τ(1−ā_f)} − T̃), for Poisson crossings; E_j = ∫G_j dω, since ψ_f is
-// normalised and G_j is not; b = 1 − e^{−2(1−ā_f)τ′}, the share of the endless medium's back scattering that
-// the hair beyond the point can give. With the factor 2 dropped from M and from S_back alike, and with
+// forward = d_f · (share of light that crosses strands) · ā_f^n, n strands that stand for all that its rays cross;
+// E_j = ∫G_j dω, since ψ_f is normalised and G_j is not; b = 1 − (mean 0.5^n′)^{4(1−ā_f)}, the share of the endless medium's
+// back scattering that the hair behind the point can give. With the factor 2 dropped from M and from S_back alike, and with
 // s̃_f = 1/π in M^L, no further π belongs before d_b.
 
 const FORWARD = true;
@@ -202,25 +202,25 @@ fn light_scattering(fibre: Fibre, strand: Strand, arrival: Arrival, parts: u32) 
     let brightest = max(arrival.rgb.x, max(arrival.rgb.y, arrival.rgb.z));
     let least = select(arrival.least / brightest, 1e30, brightest <= 0.0);
     let a = averages(arrival.theta_j);
-    let s = 1.0 - a.a_f;
-    let arriving = through(arrival.depth, s);
-    let forward = D_F * max(arriving - arrival.direct, vec3f(0.0));
-    let spread2 = dot(scatterings(arrival.depth, a.a_f) * a.beta_f2, vec3f(1.0 / 3.0));
+    let known = arrival.known;
+    let strands = strands_crossed(known);
+    let forward = D_F * max(known.visibility - known.t1, 0.0) * pow(max(a.a_f, vec3f(1e-6)), vec3f(strands));
+    let spread2 = strands * dot(a.beta_f2, vec3f(1.0 / 3.0));
     let sigma_f = sqrt(arrival.lambda * arrival.lambda + spread2);
-    let back = D_B * (1.0 - exp(4.0 * s * log(max(arrival.beyond, 1e-6))));
+    let back = D_B * (1.0 - exp(4.0 * (1.0 - a.a_f) * log(max(known.back, 1e-6))));
 
     // Loops that run once: see resolve.wgsl.
     var scattered = vec3f(0.0);
-    for (var lit = arrival.direct >= least; lit; lit = false) {
+    for (var lit = known.t1 >= least; lit; lit = false) {
         if COUNT {
             done.single += 1u;
         }
         if ((parts & SINGLE) != 0u) {
             let m = single_scattering(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.cos_sum, arrival.lambda);
-            scattered += arrival.direct * sum_of(strand.factors, m);
+            scattered += known.t1 * sum_of(strand.factors, m);
         }
         if ((parts & LOCAL) != 0u) {
-            scattered += back * arrival.direct
+            scattered += back * known.t1
                 * local_scattering_direct(fibre, strand.theta_o, arrival.theta_j, arrival.phi, arrival.lambda);
         }
     }

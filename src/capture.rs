@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 
 use crate::environment::LightMeter;
 use crate::gpu::Gpu;
-use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer};
+use crate::gpu::frame::{Background, Done, Frame, Parts, Renderer, can_be_kept};
 use crate::gpu::method::MethodData;
 use crate::image::write_frame;
-use crate::light::{Lights, Medium};
+use crate::light::{HairMedium, Lights};
 use crate::paint::Paint;
 use crate::progress::{Clock, Reporting};
 use crate::quality::{self, Costs, Facts, Settings, TRIAL_LIGHTS};
@@ -22,10 +22,9 @@ use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Quality, Stats,
     Timing, TransportFigures, Work,
 };
-use crate::transport::{Detail, Reach};
 
-/// Pairs of a point and a light that `--verify` casts rays for.
-const VERIFIED_PAIRS: usize = 8192;
+/// Pixels that `--verify` casts rays for.
+const VERIFIED_PIXELS: usize = 2048;
 
 /// What is asked of a capture beside its scene.
 pub struct CaptureOptions<'a> {
@@ -93,7 +92,15 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let fit = fit_lights(settings.lights as usize, &clock)?;
     clock.step("fit")?;
 
-    let points = renderer.visible_points(&lenses, pieces, settings.samples)?;
+    // What a lone frame sees is kept for it.
+    let sight = match &lenses[..] {
+        [lens] if can_be_kept(lens.size) => Some(renderer.look(lens, pieces, settings.samples)?),
+        _ => None,
+    };
+    let points = match &sight {
+        Some(sight) => sight.points.clone(),
+        None => renderer.visible_points(&lenses, pieces, settings.samples)?,
+    };
     if points.is_empty() {
         for lens in &lenses {
             clock.note(&nothing_seen(&stage, lens, settings.samples, &adapter.name)?);
@@ -103,23 +110,26 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
 
     let lights =
         Lights { lamps: stage.near_lamps(scene), distant: shaded_lights(&fit.lights, scene) };
-    let detail = Detail { cells: settings.cells, multiple: parts.multiple() };
     renderer.negligible = settings.negligible;
-    let medium = Medium::new(&stage, &detail);
+    let medium = HairMedium::new(&stage, parts.multiple());
     let lit = clock
         .watch("light transport", |progress| medium.bring(&stage, lights, &points, progress))?;
     let lights = lit.lobes(&stage);
     clock.step("transport")?;
     let field =
         clock.watch("scattered light", |progress| lit.field(&stage, &medium, &method, progress))?;
-    lit.show(&mut renderer, &method, field.as_ref());
+    clock.step("field")?;
+    clock.watch("transmittance", |progress| {
+        let at = (&stage, &medium);
+        lit.show(at, &mut renderer, &method, field.as_ref(), settings.rays, progress)
+    })?;
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(
         &map.environment,
         scene.environment.rotation_deg.to_radians() as f32,
         gain,
     );
-    clock.step("field")?;
+    clock.step("transmittance")?;
     let setup_ms = clock.total_ms();
 
     // One for all frames of a turn, so that it does not flicker.
@@ -129,7 +139,14 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let bar = clock.bar("frames");
     for (index, (path, lens)) in outputs.frames.iter().zip(&lenses).enumerate() {
         let started = Instant::now();
-        let frame = renderer.render(lens, settings.samples, background(scene), parts)?;
+        let frame = match &sight {
+            Some(sight) => {
+                let seen = renderer
+                    .render_seen(sight, background(scene), parts, &|| !clock.cancelled())?;
+                seen.context("cancelled")?
+            }
+            None => renderer.render(lens, settings.samples, background(scene), parts)?,
+        };
         let frame_ms = 1e3 * started.elapsed().as_secs_f64();
         if clock.cancelled() {
             bail!("cancelled");
@@ -148,17 +165,22 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     bar.finish_and_clear();
     let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
-    let delta_t = options.verify.then(|| {
+    let delta_t = if options.verify {
         // Rays go along lobes, which a lamp near the hair has not one of.
-        let distant = &lit.brought[lit.lamps.len()..];
-        let t = |j: usize, k: usize| f64::from(Reach::unpack(distant[j].reach[k]).direct);
-        RealStrands::new(&stage).delta_t(&points, &lit.lights, t, VERIFIED_PAIRS)
-    });
-    let delta_t = delta_t.flatten();
+        let words = renderer.traced_words(&points)?.split_off(lit.lamps.len());
+        let t = |j: usize, k: usize| {
+            let counts = words[j][k][0];
+            f64::from(counts & 0xffff) / f64::from((counts >> 16).max(1))
+        };
+        let real = RealStrands::new(&stage);
+        real.delta_t(&lenses[0], &points, &lit.lights, t, VERIFIED_PIXELS)
+    } else {
+        None
+    };
     if let Some(delta) = delta_t {
         clock.note(&format!(
-            "ΔT̃ over seen points and lights that shine: mean {:+.4}, mean |ΔT̃| {:.4}; by the lights' energy mean |ΔT̃| \
-             is {:.3} of the mean T̃, and where light arrives the mean is {}",
+            "ΔT̃ over pixels and lights that shine: mean {:+.4}, mean |ΔT̃| {:.4}; by the lights' energy mean |ΔT̃| is \
+             {:.3} of the mean T̃, and where light arrives the mean is {}",
             delta.mean,
             delta.mean_abs,
             delta.weighted_abs,
@@ -227,6 +249,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             lobes: done.lobes,
             head_vertices: stage.head.as_ref().map_or(0, |head| head.positions.len()),
             transport_looks: lit.brought.iter().map(|brought| brought.looks).sum(),
+            rays: renderer.traced_rays(),
             field_rounds: field.as_ref().map_or(0, |field| field.rounds),
             bytes: renderer.shading_bytes(),
         },

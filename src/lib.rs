@@ -3,6 +3,7 @@
 //!
 //! World: right-handed, y up. The rooms and the way of the data are in ARCHITECTURE.md.
 
+mod bvh;
 pub mod capture;
 pub mod cli;
 pub mod editor;

@@ -11,10 +11,12 @@ use crate::gpu::frame::Renderer;
 use crate::gpu::method::MethodData;
 use crate::head::HeadRays;
 use crate::lamp::Lamp;
+use crate::reference::transmittance::StrandRays;
 use crate::srbf::SrbfLight;
 use crate::stage::Geometry;
+use crate::transport::draws::Words;
 use crate::transport::volume::Volume;
-use crate::transport::{Brought, Detail, Occluders, Places, Reach, near, transport};
+use crate::transport::{Brought, CELLS, Occluders, TransmittanceMoments, near, transport};
 
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
@@ -34,30 +36,27 @@ impl From<Vec<SrbfLight>> for Lights {
     }
 }
 
-/// Hair as light finds it: of geometry alone.
-pub struct Medium {
+/// The hair as a participating medium, and as rays meet it. Depends on geometry only.
+pub struct HairMedium {
     volume: Volume,
     /// None without multiple scattering.
     grid: Option<Arc<Grid>>,
     /// Made for the first lamp.
     head: OnceLock<Option<HeadRays>>,
+    /// Made for the first points of a CPU's adapter.
+    rays: OnceLock<StrandRays>,
 }
 
-impl Medium {
-    pub fn new(stage: &Geometry, detail: &Detail) -> Medium {
-        let volume = stage.density(detail.cells);
+impl HairMedium {
+    /// `multiple`: whether light counts that more than one strand has scattered.
+    pub fn new(stage: &Geometry, multiple: bool) -> HairMedium {
+        let volume = stage.density(CELLS);
         let occluders = Occluders { volume: &volume, head: stage.head.as_ref() };
-        let grid = detail.multiple.then(|| Arc::new(Grid::new(stage, &occluders, field::CELLS)));
-        Medium { volume, grid, head: OnceLock::new() }
+        let grid = multiple.then(|| Arc::new(Grid::new(stage, &occluders, field::CELLS)));
+        HairMedium { volume, grid, head: OnceLock::new(), rays: OnceLock::new() }
     }
 
-    /// The same with another number of cells of the density volume.
-    pub fn with_cells(&self, stage: &Geometry, cells: usize) -> Medium {
-        let (volume, grid) = (stage.density(cells), self.grid.clone());
-        Medium { volume, grid, head: OnceLock::new() }
-    }
-
-    /// Brings lights to the strand points `points`, to the grid of multiple scattering and to the head.
+    /// Brings lights to the inside of the hair and to the head; they are to be shown at the strand points `points`.
     ///
     /// # Errors
     /// `progress` cancelled it.
@@ -69,16 +68,16 @@ impl Medium {
         progress: Progress,
     ) -> Result<LitHair> {
         let mut lit = LitHair { points: points.to_vec(), ..LitHair::default() };
-        self.relight(stage, &mut lit, lights, progress)?;
+        self.update_lights(stage, &mut lit, lights, progress)?;
         Ok(lit)
     }
 
-    /// Puts other lights in place of those of `lit`, at the same points. Lobes and lamps that stay where they are, such
-    /// as the ordinates, are not brought again, whatever their colour.
+    /// Puts other lights in place of those of `lit`. Lobes and lamps that stay where they are, such as the ordinates, are
+    /// not brought again, whatever their colour.
     ///
     /// # Errors
     /// `progress` cancelled it, and `lit` is as it was.
-    pub fn relight(
+    pub fn update_lights(
         &self,
         stage: &Geometry,
         lit: &mut LitHair,
@@ -92,13 +91,7 @@ impl Medium {
         let known_lights = known(&lit.lights, &lights, |a, b| lobe(a) == lobe(b));
         let new_lamps = new(&lamps, &known_lamps);
         let new_lights = new(&lights, &known_lights);
-        let to = Places {
-            samples: self.grid.as_ref().map_or(&[][..], |grid| &grid.samples),
-            head: true,
-            ..Places::default()
-        };
-        let brought = self.transport(stage, &new_lamps, &new_lights, &lit.points, to, progress)?;
-        let mut new = brought.into_iter();
+        let mut new = self.transport(stage, &new_lamps, &new_lights, progress)?.into_iter();
         let rough = std::mem::take(&mut lit.rough).into_iter().chain(std::iter::repeat(Vec::new()));
         let mut old: Vec<_> = std::mem::take(&mut lit.brought).into_iter().zip(rough).collect();
         let after = lit.lamps.len();
@@ -115,39 +108,15 @@ impl Medium {
         Ok(())
     }
 
-    /// Brings the lights of `lit` to more points.
-    ///
-    /// # Errors
-    /// `progress` cancelled it, and `lit` is as it was.
-    pub fn extend(
-        &self,
-        stage: &Geometry,
-        lit: &mut LitHair,
-        points: &[u32],
-        progress: Progress,
-    ) -> Result<()> {
-        let LitHair { lamps, lights, .. } = &*lit;
-        let more = self.transport(stage, lamps, lights, points, Places::default(), progress)?;
-        for (all, more) in lit.brought.iter_mut().zip(more) {
-            all.reach.extend(more.reach);
-            all.looks += more.looks;
-        }
-        lit.points.extend(points);
-        Ok(())
-    }
-
     fn transport(
         &self,
         stage: &Geometry,
         lamps: &[Lamp],
         lights: &[SrbfLight],
-        points: &[u32],
-        to: Places,
         progress: Progress,
     ) -> Result<Vec<Brought>> {
         let occluders = Occluders { volume: &self.volume, head: stage.head.as_ref() };
-        let points: Vec<Vec3> = points.iter().map(|&i| stage.hair.points[i as usize]).collect();
-        let to = Places { points: &points, beyond: self.grid.is_some(), ..to };
+        let samples = self.grid.as_ref().map_or(&[][..], |grid| &grid.samples);
         let of_lamps = match lamps {
             [] => Some(Vec::new()),
             lamps => {
@@ -155,18 +124,23 @@ impl Medium {
                 let rays = || head.map(|head| HeadRays::new(head, stage.center));
                 let head = head.zip(self.head.get_or_init(rays).as_ref());
                 let between = near::Between { volume: &self.volume, head, center: stage.center };
-                near::transport(&between, lamps, &to, &|| progress(0.0))
+                near::transport(&between, lamps, samples, &|| progress(0.0))
             }
         };
-        let all =
-            of_lamps.and_then(|lamps| Some((lamps, transport(&occluders, lights, &to, progress)?)));
+        let of_lights = || transport(&occluders, lights, samples, progress);
+        let all = of_lamps.and_then(|lamps| Some((lamps, of_lights()?)));
         let Some((mut all, of_lights)) = all else { bail!("cancelled") };
         all.extend(of_lights);
         Ok(all)
     }
 
-    /// Finds [`LitHair::rough`] at `points`, the same at each call: for frames in a hurry, of `fast`, which knows T̃ alone.
-    pub fn roughen(&self, stage: &Geometry, lit: &mut LitHair, points: &[u32]) {
+    /// Strands and head for the rays of a renderer on a CPU's adapter, which the CPU itself traces faster.
+    pub fn rays(&self, stage: &Geometry, renderer: &Renderer) -> Option<&StrandRays> {
+        renderer.traces_on_cpu().then(|| self.rays.get_or_init(|| StrandRays::new(stage)))
+    }
+
+    /// Finds [`LitHair::rough`] at `points`, the same at each call: for frames in a hurry.
+    pub fn compute_coarse(&self, stage: &Geometry, lit: &mut LitHair, points: &[u32]) {
         let Some(grid) = &self.grid else { return };
         if lit.rough.iter().all(|rough| !rough.is_empty()) {
             return;
@@ -191,8 +165,9 @@ impl Medium {
                         total += weight;
                     }
                 }
-                let direct = if total > 0.0 { sum / total } else { 1.0f32 };
-                Reach { direct, quarter: direct.sqrt().sqrt(), open: 1.0, beyond: 1.0 }.pack()
+                let t1 = if total > 0.0 { sum / total } else { 1.0f32 };
+                TransmittanceMoments { t1, t_quarter: t1.sqrt().sqrt(), visibility: 1.0, back: 1.0 }
+                    .words()
             };
             corners.iter().map(at).collect()
         };
@@ -224,34 +199,16 @@ pub struct LitHair {
     /// See [`Lights`].
     pub lamps: Vec<Lamp>,
     pub lights: Vec<SrbfLight>,
+    /// Strand points that they are shown at.
     pub points: Vec<u32>,
-    /// Of each lamp, then of each light, to `points`.
+    /// Of each lamp, then of each light.
     pub brought: Vec<Brought>,
-    /// Packed reach of each light at other points, as it is in cells of 1/32 of the hair's size; empty before
-    /// [`Medium::roughen`].
-    pub rough: Vec<Vec<u32>>,
+    /// T̃ of each light at other points, as it is in cells of 1/32 of the hair's size; empty before
+    /// [`HairMedium::compute_coarse`].
+    pub rough: Vec<Vec<Words>>,
 }
 
 impl LitHair {
-    /// Those of `points` that no light was brought to.
-    pub fn missing(&self, stage: &Geometry, points: &[u32]) -> Vec<u32> {
-        let mut known = vec![false; stage.hair.points.len()];
-        self.points.iter().for_each(|&point| known[point as usize] = true);
-        points.iter().copied().filter(|&point| !known[point as usize]).collect()
-    }
-
-    /// Forgets all points but `points`.
-    pub fn retain(&mut self, stage: &Geometry, points: &[u32]) {
-        let mut wanted = vec![false; stage.hair.points.len()];
-        points.iter().for_each(|&point| wanted[point as usize] = true);
-        let keep: Vec<bool> = self.points.iter().map(|&point| wanted[point as usize]).collect();
-        let mut all = self.brought.iter_mut().map(|b| &mut b.reach).chain([&mut self.points]);
-        all.by_ref().for_each(|values| {
-            let mut kept = keep.iter();
-            values.retain(|_| kept.next() == Some(&true));
-        });
-    }
-
     /// All lights as they are from the middle of the hair.
     pub fn lobes(&self, stage: &Geometry) -> Vec<SrbfLight> {
         let middle = stage.center.as_dvec3();
@@ -279,7 +236,7 @@ impl LitHair {
     pub fn field(
         &self,
         stage: &Geometry,
-        medium: &Medium,
+        medium: &HairMedium,
         method: &MethodData,
         progress: Progress,
     ) -> Result<Option<Field>> {
@@ -300,60 +257,80 @@ impl LitHair {
         Ok(field)
     }
 
-    /// The same with another reach at its points.
-    pub fn with_reach(mut self, reach: Vec<Vec<u32>>) -> Self {
-        self.brought.iter_mut().zip(reach).for_each(|(brought, reach)| brought.reach = reach);
-        self
-    }
-
-    /// Sets a method, these lights, and a field of theirs.
-    pub fn show(&self, renderer: &mut Renderer, method: &MethodData, field: Option<&Field>) {
-        let reach = self.brought.iter().map(|brought| &brought.reach[..]).collect();
-        self.show_with(renderer, method, field, &self.points, reach);
-    }
-
-    /// The same at some of the points that they were brought to.
-    pub fn show_some(
+    /// Sets a method, these lights, what rays find of them at the points, and a field of theirs. `rays`: times as many as
+    /// at 16 samples.
+    ///
+    /// # Errors
+    /// `progress` cancelled it, or the device was lost.
+    pub fn show(
         &self,
+        at: (&Geometry, &HairMedium),
+        renderer: &mut Renderer,
+        method: &MethodData,
+        field: Option<&Field>,
+        rays: f64,
+        progress: Progress,
+    ) -> Result<()> {
+        self.show_at(at, renderer, method, field, &self.points, rays, progress)
+    }
+
+    /// The same at other points.
+    ///
+    /// # Errors
+    /// See [`Self::show`].
+    #[allow(clippy::too_many_arguments)]
+    pub fn show_at(
+        &self,
+        (stage, medium): (&Geometry, &HairMedium),
         renderer: &mut Renderer,
         method: &MethodData,
         field: Option<&Field>,
         points: &[u32],
-    ) {
-        let most = self.points.iter().max().map_or(0, |&most| most as usize + 1);
-        let mut places = vec![0; most];
-        (0..).zip(&self.points).for_each(|(place, &point)| places[point as usize] = place);
-        let places: Vec<usize> = points.iter().map(|&point| places[point as usize]).collect();
-        let of_light =
-            |brought: &Brought| places.iter().map(|&place| brought.reach[place]).collect();
-        let reach: Vec<Vec<u32>> = self.brought.par_iter().map(of_light).collect();
-        let reach = reach.iter().map(|reach| &reach[..]).collect();
-        self.show_with(renderer, method, field, points, reach);
+        rays: f64,
+        progress: Progress,
+    ) -> Result<()> {
+        self.set(renderer, method, rays);
+        let host = medium.rays(stage, renderer);
+        if !renderer.trace(stage, points, host, progress)? {
+            bail!("cancelled");
+        }
+        Self::set_field(renderer, field);
+        Ok(())
     }
 
-    fn show_with(
+    /// The same with T̃ that is known: `words[j][k]` is light j at point k.
+    pub fn show_known(
         &self,
         renderer: &mut Renderer,
         method: &MethodData,
         field: Option<&Field>,
-        points: &[u32],
-        reach: Vec<&[u32]>,
+        words: &[Vec<Words>],
     ) {
+        self.set(renderer, method, 1.0);
+        renderer.upload(&self.points, words);
+        Self::set_field(renderer, field);
+    }
+
+    /// Sets these lights with their rough T̃ at `points`; method and field stay.
+    pub fn show_coarse(&self, renderer: &mut Renderer, points: &[u32]) {
+        self.set_lights(renderer, 1.0);
+        renderer.upload(points, &self.rough);
+    }
+
+    fn set(&self, renderer: &mut Renderer, method: &MethodData, rays: f64) {
         renderer.set_method(method);
-        self.show_at(renderer, points, reach);
+        self.set_lights(renderer, rays);
+    }
+
+    fn set_lights(&self, renderer: &mut Renderer, rays: f64) {
+        renderer.set_lights(&self.lamps, &self.lights, rays);
+        renderer.set_head_irradiance(&self.head_irradiance());
+    }
+
+    fn set_field(renderer: &mut Renderer, field: Option<&Field>) {
         match field {
             Some(field) => renderer.set_field(field),
             None => renderer.clear_field(),
         }
-    }
-
-    /// Sets these lights with their rough reach at `points`; the field stays.
-    pub fn show_rough(&self, renderer: &mut Renderer, points: &[u32]) {
-        self.show_at(renderer, points, self.rough.iter().map(|reach| &reach[..]).collect());
-    }
-
-    fn show_at(&self, renderer: &mut Renderer, points: &[u32], reach: Vec<&[u32]>) {
-        renderer.set_lights(&self.lamps, &self.lights, points, &reach);
-        renderer.set_head_irradiance(&self.head_irradiance());
     }
 }

@@ -1,5 +1,5 @@
-//! Quality: from a wanted error or frame time to lights, samples, cells of the density volume and what is left out;
-//! and, for any of these, the error to expect of a frame against path tracing.
+//! Quality: from a wanted error or frame time to lights, samples, rays and what is left out; and, for any of these, the
+//! error to expect of a frame against path tracing.
 //!
 //! The error is a relative L2 over hair, the root of the sum of squares of its causes. Each has a law of few numbers,
 //! calibrated on the builtin bob, black, blond and white, under studio, sunset and overcast, path traced at 120×90
@@ -9,14 +9,12 @@
 //!   studio is 4.5 % further off, and the fit 4.0 %.
 //! - integrals: of the method, tests/fast.rs. With two nodes `fast` is far below the other causes, so nodes are not
 //!   among the settings.
-//! - transmittance: shadows finer than a cell, and those of strand on strand, which no cell holds: they show the
-//!   more the wider a strand is in the picture.
+//! - transmittance: the noise of few rays, which pixels of many strands even out, and shadows finer than a segment.
 //! - multiple scattering: by the share of light that a fibre keeps alive.
 //! - coverage: by samples, and less for wider strands.
 //! - skipping: `Renderer::negligible`.
 //!
-//! Not among them: the directions of a lobe in transport (4 or 64: 0.004 of mean |ΔT̃|) and the parts that a wide
-//! light is split into (28 or 120: no frame differs in its error).
+//! Not among them: the parts that a wide light is split into (28 or 120: no frame differs in its error).
 
 use std::fmt;
 use std::time::Instant;
@@ -34,7 +32,6 @@ use crate::scattering::fibre::Fibre;
 use crate::scattering::model::Model;
 use crate::scene::{Lens, Scene, Target};
 use crate::srbf::{self, SrbfLight};
-use crate::transport::Detail;
 
 /// What error is bought with.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -43,8 +40,8 @@ pub struct Settings {
     pub lights: u32,
     /// Of coverage a pixel.
     pub samples: u32,
-    /// Along the longest edge of the density volume.
-    pub cells: usize,
+    /// For T̃, times as many as are usual at 16 samples.
+    pub rays: f64,
     /// `Renderer::negligible`.
     pub negligible: f64,
 }
@@ -52,19 +49,25 @@ pub struct Settings {
 impl Settings {
     /// Those of a scene that asks for no quality.
     pub fn of(scene: &Scene) -> Settings {
+        let samples = scene.render.samples.unwrap_or(16);
         Settings {
             lights: scene.environment.lights.unwrap_or(40),
-            samples: scene.render.samples.unwrap_or(16),
-            cells: Detail::USUAL.cells,
+            samples,
+            rays: rays_for(samples),
             negligible: NEGLIGIBLE,
         }
     }
 }
 
+/// Who asks for more samples asks for as many more rays.
+pub(crate) fn rays_for(samples: u32) -> f64 {
+    f64::from(samples.max(16)) / 16.0
+}
+
 /// What is chosen from.
 const LIGHTS: [u32; 8] = [4, 6, 10, 16, 24, 40, 64, 96];
 const SAMPLES: [u32; 4] = [4, 16, 64, 256];
-const CELLS: [usize; 4] = [32, 48, 96, 144];
+const RAYS: [f64; 4] = [0.5, 1.0, 4.0, 16.0];
 const NEGLIGIBLES: [f64; 3] = [1e-3, 1e-2, 3e-2];
 
 /// Lights of the fit that tells how hard a map is.
@@ -143,11 +146,10 @@ impl Facts {
         // Pale hair evens out lights, edges and most of all shadows.
         let pale = 1.0 - 0.75 * self.albedo;
         let fit = pale * fit;
-        let cell = 96.0 / settings.cells as f64;
-        let within_cell = CELL_ERROR * cell.powf(1.5);
-        let within_strands = STRAND_ERROR * self.width_px.clamp(0.02, WIDEST_PX).powf(1.5);
-        let transmittance =
-            pale.powf(1.5) * self.contrast.powf(CONTRAST_POWER) * within_cell.hypot(within_strands);
+        let transmittance = pale.powf(1.5)
+            * self.contrast.powf(CONTRAST_POWER)
+            * RAY_ERROR
+            * settings.rays.powf(-RAY_POWER);
         let multiple = match self.multiple {
             true => {
                 MULTIPLE_ERROR[usize::from(self.integrator == Integrator::Xu)]
@@ -171,13 +173,10 @@ impl Facts {
 
 /// The inclination that stands for light from everywhere, radians.
 const MEAN_INCLINATION: f64 = 0.5;
-/// Of black hair under even light: what cells of 1/96 leave out, and strands a pixel wide.
-const CELL_ERROR: f64 = 0.035;
-const STRAND_ERROR: f64 = 1.4;
+/// Of black hair under even light, of the usual rays, and how it falls with more.
+const RAY_ERROR: f64 = 0.03;
+const RAY_POWER: f64 = 0.4;
 const CONTRAST_POWER: f64 = 0.5;
-/// Beyond so many pixels a strand's width makes it no worse: black and blond hair under sunset, close up, at 0.31 and 0.50
-/// are 37 and 25 % off, where 40 and 22 % are expected. Brown hair under studio at 0.46 is 19 % off, where 23 % are.
-const WIDEST_PX: f64 = 0.3;
 /// Of a fibre that loses nothing, under even light, by `fast` and by `xu`.
 const MULTIPLE_ERROR: [f64; 2] = [0.07, 0.3];
 const MULTIPLE_POWER: f64 = 0.65;
@@ -257,9 +256,9 @@ impl Costs {
 
     /// Milliseconds that rank settings: the lights are taken to stand still for thirty frames.
     fn rank(&self, settings: &Settings) -> f64 {
-        // A nanosecond a cell and direction.
-        let transport_ms = 1e-5 * self.lights(settings) * (settings.cells as f64).powi(3);
-        self.frame_ms(settings) + transport_ms / 30.0
+        // 50 rays a point, 0.3 µs each.
+        let rays_ms = 1e-3 * 0.3 * 50.0 * settings.rays * self.points as f64;
+        self.frame_ms(settings) + rays_ms / 30.0
     }
 }
 
@@ -312,9 +311,9 @@ fn choices(
     for &lights in lights {
         let fit = fit.1 * (f64::from(fit.0) / f64::from(lights)).powf(FIT_POWER);
         for &samples in samples {
-            for cells in CELLS {
+            for rays in RAYS {
                 for negligible in NEGLIGIBLES {
-                    let settings = Settings { lights, samples, cells, negligible };
+                    let settings = Settings { lights, samples, rays, negligible };
                     let expected = facts.expected(&settings, fit);
                     let frame_ms = costs.frame_ms(&settings);
                     all.push(Pick { settings, expected, frame_ms, reached: true });
@@ -347,7 +346,7 @@ fn cheapest(picks: &[Pick], costs: &Costs) -> Pick {
 impl Pick {
     /// What was picked, on one line.
     pub fn line(&self, target: Target) -> String {
-        let Settings { lights, samples, cells, negligible } = self.settings;
+        let Settings { lights, samples, rays, negligible } = self.settings;
         let wanted = match target {
             Target::Error(e) => format!("an error of {:.1} %", 100.0 * e),
             Target::FrameMs(ms) => format!("{ms} ms"),
@@ -360,7 +359,7 @@ impl Pick {
             Target::FrameMs(_) => "; that is out of this device's reach",
         };
         format!(
-            "for {wanted}: {lights} lights, {samples} samples, {cells} cells, {:.1} % negligible; expecting {:.0} ms \
+            "for {wanted}: {lights} lights, {samples} samples, {rays} × rays, {:.1} % negligible; expecting {:.0} ms \
              and {}{short}",
             100.0 * negligible,
             self.frame_ms,
@@ -398,8 +397,8 @@ fn measure_pair_ns(gpu: &Gpu, method: &MethodData) -> Result<f64> {
     let statement = format!(
         "let strand = strand_at(fibre, x[0].x);
         for (var k = 0u; k < {PAIRS}u; k++) {{
-            let arrival = Arrival(x[0].y, x[0].z - 0.2 * f32(k), x[0].w, 0.4, 0.5, vec3f(1.0), 0.0, 0.3, 0.5,
-                Depth(1.0, vec2f(-1.2, 0.0)), vec3f(0.1));
+            let arrival = Arrival(x[0].y, x[0].z - 0.2 * f32(k), x[0].w, 0.4, 0.5, vec3f(1.0), 0.0,
+                TransmittanceMoments(0.3, 0.74, 1.0, 0.5), vec3f(0.1));
             y[0] += vec4f(light_scattering(fibre, strand, arrival, PARTS), 0.0);
         }}"
     );

@@ -106,8 +106,10 @@ pub struct Work {
     pub lobes: u64,
     /// That light is brought to.
     pub head_vertices: usize,
-    /// Look-ups of optical depth for transport.
+    /// Look-ups of optical depth for transport to the inside of the hair and to the head.
     pub transport_looks: u64,
+    /// Rays for T̃ at the points.
+    pub rays: u64,
     /// Rounds of sweeps along all ordinates until what strands make of each other's light stood still.
     pub field_rounds: usize,
     /// Tables, reach, lights, field and points that shading reads.

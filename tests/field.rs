@@ -3,17 +3,18 @@
 use std::process::Command;
 
 use glam::{DVec3, Vec3};
+use hairlight::gpu::frame::Renderer;
 use hairlight::gpu::method::MethodData;
-use hairlight::light::Medium;
+use hairlight::light::HairMedium;
 use hairlight::measure::read::Picture;
 use hairlight::scattering::model::Model;
 use hairlight::scene::Scene;
 use hairlight::srbf::{ORDINATES, SrbfLight, split_wide};
 use hairlight::stage::Geometry;
-use hairlight::transport::Detail;
 use tempfile::tempdir;
 
 use crate::frames::{captured, write_hair, write_unit_map};
+use crate::wgsl::cpu;
 
 /// The mean over hair of the light along all ordinates under even light of 1, met by a strand or not.
 fn furnace(model: Model, sigma_a: f64) -> f64 {
@@ -28,22 +29,26 @@ fn furnace(model: Model, sigma_a: f64) -> f64 {
     assert_eq!(lights.len(), ORDINATES);
     // Every thousandth point stands for the hair.
     let points: Vec<u32> = (0..stage.hair.points.len() as u32).step_by(1000).collect();
-    let medium = Medium::new(&stage, &Detail::USUAL);
+    let medium = HairMedium::new(&stage, true);
     let lit = medium.bring(&stage, lights.clone(), &points, &|_| true).unwrap();
     let method = MethodData::fast(&fibre, model, model.nodes());
     let field = lit.field(&stage, &medium, &method, &|_| true).unwrap().expect("a field");
+    let mut renderer = Renderer::new(cpu(), &method, &stage).unwrap();
+    lit.show((&stage, &medium), &mut renderer, &method, None, 4.0, &|_| true).unwrap();
+    let words = renderer.traced_words(&points).unwrap();
     let [nx, ny, nz] = field.dims;
     let mut sum = 0.0;
     for (k, &point) in points.iter().enumerate() {
         let cell = ((stage.hair.points[point as usize] - field.origin) / field.cell).floor();
         let [x, y, z] = cell.to_array().map(|at| at as usize);
         for (j, light) in lights.iter().enumerate() {
-            let direct = hairlight::transport::Reach::unpack(lit.brought[j].reach[k]).direct;
+            let counts = words[j][k][0];
+            let direct = f64::from(counts & 0xffff) / f64::from((counts >> 16).max(1));
             // Peaks of lobes that overlap.
             let unit = |one: &SrbfLight| SrbfLight { rgb: [1.0; 3], ..*one };
             let overlap = lights.iter().map(|one| unit(one).radiance(light.direction)[0]);
             let (scattered, _) = field.radiance[((j * nz + z) * ny + y) * nx + x];
-            sum += f64::from(direct) + f64::from(scattered.x) * overlap.sum::<f64>();
+            sum += direct + f64::from(scattered.x) * overlap.sum::<f64>();
         }
     }
     sum / (points.len() * ORDINATES) as f64

@@ -236,15 +236,15 @@ const FIGURES: &str = "\
     image.exposure_scale N, image.hair_coverage N, image.height C, image.mean_luminance N, \
     image.non_finite_pixels C, image.width C, \
     memory.peak_bytes C, \
-    quality.albedo N, quality.cells C, quality.contrast N, quality.coverage N, quality.fit N, \
+    quality.albedo N, quality.contrast N, quality.coverage N, quality.fit N, \
     quality.integrals N, quality.lights C, quality.multiple N, quality.negligible N, \
-    quality.samples C, quality.skipping N, quality.total N, quality.transmittance N, \
+    quality.rays N, quality.samples C, quality.skipping N, quality.total N, quality.transmittance N, \
     quality.width_px N, timing.frame_ms N, timing.passes *, timing.setup_ms N, timing.total_ms N, \
     transport.mean_abs_delta_t 0, transport.mean_delta_t 0, transport.mean_delta_t_lit 0, \
     transport.weighted_abs_delta_t 0, \
     work.bytes C, work.field_rounds C, work.global_evaluations C, work.head_vertices C, work.lamps C, \
     work.lights C, work.lobes C, \
-    work.pairs_asked C, work.pairs_lit C, work.points_shaded C, work.single_evaluations C, \
+    work.pairs_asked C, work.pairs_lit C, work.points_shaded C, work.rays C, work.single_evaluations C, \
     work.transport_looks C";
 
 fn figure_names(figures: &Value) -> String {

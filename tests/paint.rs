@@ -374,15 +374,14 @@ fn by_hand_cost_of_paint() {
     use std::time::Instant;
 
     use hairlight::gpu::frame::{Background, Parts, Renderer};
-    use hairlight::light::Medium;
+    use hairlight::light::HairMedium;
     use hairlight::stage::shaded_lights;
-    use hairlight::transport::Detail;
 
     let mut scene = Scene::default();
     scene.output.size = [360, 240];
     let stage = Geometry::load(&scene).unwrap();
     let lens = stage.camera(&scene).unwrap().lens(stage.center, scene.output.size);
-    let medium = Medium::new(&stage, &Detail::USUAL);
+    let medium = HairMedium::new(&stage, true);
     let map = hairlight::environment::load("builtin:studio").unwrap().environment;
     let fit = hairlight::srbf::fit_cached(&map, 40, &|_| true).unwrap();
     let lights = shaded_lights(&fit.lights, &scene);
@@ -430,7 +429,8 @@ fn by_hand_cost_of_paint() {
         let begun = Instant::now();
         let field = lit.field(&stage, &medium, &method, &|_| true).unwrap();
         let field_ms = 1e3 * begun.elapsed().as_secs_f64();
-        lit.show(&mut renderer, &method, field.as_ref());
+        let at = (&stage, &medium);
+        lit.show(at, &mut renderer, &method, field.as_ref(), 1.0, &|_| true).unwrap();
         let mut best = f64::INFINITY;
         for _ in 0..5 {
             let frame = renderer.render(&lens, 16, Background::Transparent, parts).unwrap();

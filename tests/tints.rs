@@ -10,7 +10,7 @@ use egui_kittest::kittest::Queryable;
 use hairlight::editor::Document;
 use hairlight::editor::lobes::{Lobes, Subject};
 use hairlight::gpu::method::{Integrator, MethodData};
-use hairlight::light::Medium;
+use hairlight::light::HairMedium;
 use hairlight::measure::compare::compare;
 use hairlight::measure::read::Picture;
 use hairlight::reference::integral::{Light, srbf_integral};
@@ -25,7 +25,6 @@ use hairlight::scattering::{azimuth_table::Mode, azimuthal::Energy};
 use hairlight::scene::{Bcsdf, Energies, FibreSpec, PRESETS, RenderSpec, Scene};
 use hairlight::srbf::split_wide;
 use hairlight::stage::Geometry;
-use hairlight::transport::Detail;
 use tempfile::tempdir;
 
 use super::chi_square::Uniform;
@@ -185,7 +184,7 @@ fn light_between_strands_is_never_more_than_untinted() {
     scene.hair.strands = 2000;
     let stage = Geometry::load(&scene).unwrap();
     let even = hairlight::srbf::SrbfLight { direction: glam::DVec3::Y, lambda: 1e4, rgb: [1.0; 3] };
-    let medium = Medium::new(&stage, &Detail::USUAL);
+    let medium = HairMedium::new(&stage, true);
     let lit = medium.bring(&stage, split_wide(&[even]), &[0], &|_| true).unwrap();
     let clear = Fibre { sigma_a: [0.0; 3], ..scene.fibre.resolve() };
     for model in [Model::Marschner, Model::Deon] {

@@ -417,8 +417,20 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             field_cell,
             field_dims,
             field_scale,
-            lamps
+            lamps,
+            stride,
+            last_column,
+            pad
         ]
+    );
+    let trace = || Shaders::default().transmittance();
+    use hairlight::transport::draws::{Block, TracedLight};
+    same!(trace(), "Block", Block, [point, members, own]);
+    same!(
+        trace(),
+        "TracedLight",
+        TracedLight,
+        [direction, lambda, side, lamp, column, rays, fresh, pad]
     );
     for (shader, name) in [(Shaders::default().mark(), "Needed"), (shade(), "NeededPoints")] {
         let (members, _) = layout(&validated(&shader), name);

@@ -3,12 +3,11 @@
 use hairlight::environment;
 use hairlight::gpu::frame::{Background, NEGLIGIBLE, Parts, Renderer};
 use hairlight::gpu::method::MethodData;
-use hairlight::light::{LitHair, Medium};
+use hairlight::light::{HairMedium, LitHair};
 use hairlight::scattering::model::Model;
 use hairlight::scene::{FibreSpec, Lens, PRESETS, Scene};
 use hairlight::srbf::{self, SrbfLight};
 use hairlight::stage::{Geometry, shaded_lights};
-use hairlight::transport::Detail;
 use serde_json::Value;
 use tempfile::tempdir;
 
@@ -25,9 +24,10 @@ const ROWS: [(&str, &[&str]); 6] = [
     ("black hair", &["--preset", "black"]),
 ];
 
-const COLUMNS: [&str; 8] = [
+const COLUMNS: [&str; 9] = [
     "head_vertices",
     "transport_looks",
+    "rays",
     "lights",
     "pairs_lit",
     "single_evaluations",
@@ -81,7 +81,7 @@ fn counts_fall_with_each_feature_that_a_scene_lacks_and_repeat_exactly() {
 /// A small scene on the GPU.
 struct Shot {
     stage: Geometry,
-    medium: Medium,
+    medium: HairMedium,
     lens: Lens,
     points: Vec<u32>,
 }
@@ -96,7 +96,7 @@ impl Shot {
         let method = MethodData::fast(&FibreSpec::default().resolve(), Model::Marschner, 2);
         let mut renderer = Renderer::new(cpu(), &method, &stage).unwrap();
         let points = renderer.visible_points(&[lens], stage.pieces(&lens), 4).unwrap();
-        let medium = Medium::new(&stage, &Detail::USUAL);
+        let medium = HairMedium::new(&stage, true);
         (Shot { stage, medium, lens, points }, renderer)
     }
 
@@ -143,7 +143,8 @@ fn a_specialised_pipeline_shows_what_the_general_one_shows() {
     let lit = shot.light(&fitted("sunset", 6));
     let mut pixels = |data: &MethodData, parts| {
         let field = lit.field(&shot.stage, &shot.medium, data, &|_| true).unwrap();
-        lit.show(&mut renderer, data, field.as_ref());
+        let at = (&shot.stage, &shot.medium);
+        lit.show(at, &mut renderer, data, field.as_ref(), 1.0, &|_| true).unwrap();
         shot.pixels(&mut renderer, parts)
     };
     for (name, preset, eccentricity, parts) in [
@@ -181,7 +182,8 @@ fn lights_that_cannot_matter_are_left_out_unseen() {
         let field = lit.field(&shot.stage, &shot.medium, &data, &|_| true).unwrap();
         let mut taken = |negligible: f64| {
             renderer.negligible = negligible;
-            lit.show(&mut renderer, &data, field.as_ref());
+            let at = (&shot.stage, &shot.medium);
+            lit.show(at, &mut renderer, &data, field.as_ref(), 1.0, &|_| true).unwrap();
             let done = renderer.count(&shot.lens, 4, ALL).unwrap();
             (shot.pixels(&mut renderer, ALL), done)
         };

@@ -88,9 +88,9 @@ pub fn speed_plot(ui: &mut Ui, figures: &Figures, measured: Option<f64>) {
         figures.front.iter().min_by(|a, b| away(a).total_cmp(&away(b)))
     });
     if let Some(pick) = near {
-        let crate::quality::Settings { lights, samples, cells, negligible } = pick.settings;
+        let crate::quality::Settings { lights, samples, rays, negligible } = pick.settings;
         response.on_hover_text(format!(
-            "{:.0} ms and {} %: {lights} lights, {samples} samples, {cells} cells, {} % negligible",
+            "{:.0} ms and {} %: {lights} lights, {samples} samples, {rays} × rays, {} % negligible",
             pick.frame_ms,
             short(100.0 * pick.expected.total),
             100.0 * negligible

@@ -13,14 +13,17 @@ use super::method::{Integrator, MethodData};
 use super::resources::*;
 use super::shaders::Shaders;
 use super::timer::PassTimer;
+use super::transmittance::{PointTransmittance, Table, known_table};
 use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform};
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::hair::normals;
 use crate::lamp::Lamp;
+use crate::reference::transmittance::StrandRays;
 use crate::scene::Lens;
 use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
 use crate::stage::Geometry;
+use crate::transport::draws::{Rays, Words};
 
 /// What stands behind the hair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -119,9 +122,6 @@ const BAND_PIXELS: u32 = 8 << 20;
 /// Points that are shaded between two looks at whether to go on: 0.1 s on two cores.
 const POINTS_A_LOOK: u32 = 4096;
 
-/// Slot of a point whose reach is not known (shaders/shade.wgsl).
-const NO_SLOT: u32 = u32::MAX;
-
 /// Of a field's texture, relative to the hair's centre.
 #[derive(Clone, Copy, Debug)]
 struct FieldPlace {
@@ -178,13 +178,6 @@ impl Fixed {
     }
 }
 
-/// Lights that share one buffer of reach.
-struct LightGroup {
-    first: u32,
-    count: u32,
-    reach: wgpu::Buffer,
-}
-
 /// Geometry, lights and fibre on the GPU, ready to be seen from anywhere.
 pub struct Renderer {
     pub gpu: Gpu,
@@ -209,11 +202,14 @@ pub struct Renderer {
     pub head_albedo: Vec3,
     /// [`NEGLIGIBLE`], or 0 to leave nothing out; for the lights that are set from now on.
     pub negligible: f64,
+    /// Traces on the device even where the CPU does so faster.
+    pub trace_on_device: bool,
     lights: wgpu::Buffer,
-    groups: Vec<LightGroup>,
-    /// Place of each point's reach, or [`NO_SLOT`].
-    slots: wgpu::Buffer,
-    slot_count: u32,
+    /// Of the lights that are set.
+    to_trace: (Vec<Lamp>, Vec<SrbfLight>, Vec<Rays>),
+    traced: PointTransmittance,
+    /// T̃ that is known, in place of what is traced.
+    known: Option<Table>,
     light_count: u32,
     /// Of which the first are lamps.
     lamp_count: u32,
@@ -283,11 +279,12 @@ impl Renderer {
             head_radiance,
             head_albedo: stage.head_albedo,
             negligible: NEGLIGIBLE,
+            trace_on_device: false,
             thinning: 1,
             lights: storage(device, "lights", &[]),
-            groups: Vec::new(),
-            slots: storage(device, "slots", &[]),
-            slot_count: 0,
+            to_trace: Default::default(),
+            traced: PointTransmittance::new(&gpu, stage),
+            known: None,
             light_count: 0,
             lamp_count: 0,
             field: None,
@@ -305,9 +302,15 @@ impl Renderer {
         })
     }
 
+    /// Whether rays are for the CPU, which traces them faster than its adapter does.
+    pub fn traces_on_cpu(&self) -> bool {
+        self.gpu.info.device_type == wgpu::DeviceType::Cpu && !self.trace_on_device
+    }
+
     /// The same strands with other diameters.
     pub fn set_diameters(&mut self, stage: &Geometry) {
         self.strand_points = strand_points(&self.gpu.device, stage);
+        self.traced.forget();
     }
 
     /// Draws by other shaders from now on.
@@ -330,6 +333,7 @@ impl Renderer {
             bail!("shaders: {}", text.split_whitespace().collect::<Vec<_>>().join(" "));
         }
         self.fixed = fixed;
+        self.traced.forget_pipelines();
         Ok(())
     }
 
@@ -340,11 +344,11 @@ impl Renderer {
     }
 
     /// Draws only the segments that `keep` holds for, each in `pieces` straight pieces.
-    fn draw_segments(&mut self, pieces: u32, keep: impl Fn(usize) -> bool) {
-        let there =
-            |first: usize| self.strand_of[first].is_multiple_of(self.thinning) && keep(first);
-        self.drawn =
-            self.every_segment.iter().copied().filter(|&first| there(first as usize)).collect();
+    fn draw_segments(&mut self, pieces: u32, mut keep: impl FnMut(usize) -> bool) {
+        let there = |first: usize| self.strand_of[first].is_multiple_of(self.thinning);
+        let drawn = self.every_segment.iter().copied();
+        let kept = drawn.filter(|&first| keep(first as usize) && there(first as usize));
+        self.drawn = kept.collect();
         let most = self.gpu.device.limits().max_buffer_size / Ribbons::BYTES_PER_PIECE;
         let most = most / self.drawn.len().max(1) as u64;
         self.pieces = pieces.min(most as u32).max(1);
@@ -464,19 +468,11 @@ impl Renderer {
         Ok(Some(Frame { size: lens.size, pixels, hair_coverage, shaded, passes: all }))
     }
 
-    /// Sets lamps and lights (world frame, exposure included) and their packed reach at `points`:
-    /// `reach[j][k]` is light j at point `points[k]`, lamps first. Segments with other points are no longer drawn: from
-    /// the cameras that [`Self::visible_points`] was asked for they are hidden anyway, and leaving them
-    /// out rasterises the same frame in a quarter of the time (sintel).
+    /// Sets lamps and lights (world frame, exposure included); their T̃ is to follow, by [`Self::trace`] or
+    /// [`Self::upload`]. `rays`: times as many as at 16 samples.
     ///
     /// Comes after [`Self::set_method`], which says how many lights a pass may sum, and before [`Self::set_field`].
-    pub fn set_lights(
-        &mut self,
-        lamps: &[Lamp],
-        lights: &[SrbfLight],
-        points: &[u32],
-        reach: &[&[u32]],
-    ) {
+    pub fn set_lights(&mut self, lamps: &[Lamp], lights: &[SrbfLight], rays: f64) {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
         let middle = self.center.as_dvec3();
         let powers = lamps.iter().map(|lamp| power(&lamp.lobe(middle)));
@@ -512,34 +508,104 @@ impl Renderer {
         if had_lamps == lamps.is_empty() {
             self.shading.clear();
         }
-        self.set_reach(points, reach);
+        let ordinates = if lights.len() >= ORDINATES { ORDINATES } else { 0 };
+        self.to_trace = (lamps.to_vec(), lights.to_vec(), Rays::of(&powers, ordinates, rays));
     }
 
-    /// Sets the reach of the lights that are set at other points; see [`Self::set_lights`].
-    fn set_reach(&mut self, points: &[u32], reach: &[&[u32]]) {
-        let device = &self.gpu.device;
-        let mut slots = vec![NO_SLOT; self.points as usize];
-        for (slot, &point) in points.iter().enumerate() {
-            slots[point as usize] = slot as u32;
+    /// Traces what is not known yet of the lights at `points`: on the device, or by `host`. Segments with other points are
+    /// no longer drawn: from the cameras that [`Self::visible_points`] was asked for they are hidden anyway, and leaving
+    /// them out rasterises the same frame in a quarter of the time (sintel). False where `progress` said no.
+    ///
+    /// # Errors
+    /// The device was lost.
+    pub fn trace(
+        &mut self,
+        stage: &Geometry,
+        points: &[u32],
+        rays: Option<&StrandRays>,
+        progress: &(dyn Fn(f32) -> bool + Sync),
+    ) -> Result<bool> {
+        self.known = None;
+        if rays.is_none() {
+            self.traced.prepare(&self.gpu, stage);
         }
-        self.slots = storage(device, "slots", bytemuck::cast_slice(&slots));
-        self.slot_count = points.len() as u32;
-        self.draw_segments(self.pieces, |first| {
-            slots[first] != NO_SLOT && slots[first + 1] != NO_SLOT
-        });
-        let device = &self.gpu.device;
-        let limit = device.limits().max_storage_buffer_binding_size;
-        let per_group = (limit / (4 * points.len().max(1) as u64)).max(1) as usize;
-        let per_group = per_group.min(self.method.lights_a_pass());
-        self.groups = reach
-            .chunks(per_group)
-            .enumerate()
-            .map(|(group, chunk)| LightGroup {
-                first: (group * per_group) as u32,
-                count: chunk.len() as u32,
-                reach: storage(device, "reach", bytemuck::cast_slice(&chunk.concat())),
-            })
-            .collect();
+        let host = rays.map(|rays| (stage, rays));
+        let Renderer { gpu, strand_points, traced, to_trace, center, method, .. } = self;
+        let (lamps, lights, rays) = to_trace;
+        traced.set_lights((lamps, lights), rays, method.counts_strands(), *center);
+        let done = traced.compute(gpu, strand_points, points, host, progress)?;
+        self.draw_known();
+        Ok(done)
+    }
+
+    /// How many of `points` nothing is traced at.
+    pub fn untraced(&self, points: &[u32]) -> usize {
+        points.iter().filter(|&&point| !self.traced.table.has(point as usize)).count()
+    }
+
+    /// The same without showing it: rays that later pictures may take.
+    pub fn foresee(
+        &mut self,
+        stage: &Geometry,
+        points: &[u32],
+        rays: Option<&StrandRays>,
+        progress: &(dyn Fn(f32) -> bool + Sync),
+    ) -> Result<bool> {
+        let host = rays.map(|rays| (stage, rays));
+        let Renderer { gpu, strand_points, traced, .. } = self;
+        traced.compute(gpu, strand_points, points, host, progress)
+    }
+
+    /// Adds `times` as many rays to `points`, which are traced; see [`Self::trace`].
+    ///
+    /// # Errors
+    /// The device was lost.
+    pub fn add_rays(
+        &mut self,
+        stage: &Geometry,
+        points: &[u32],
+        times: u32,
+        rays: Option<&StrandRays>,
+        progress: &(dyn Fn(f32) -> bool + Sync),
+    ) -> Result<bool> {
+        let host = rays.map(|rays| (stage, rays));
+        let Renderer { gpu, strand_points, traced, .. } = self;
+        traced.add_rays(gpu, strand_points, points, times, host, progress)
+    }
+
+    /// Sets T̃ that is known at `points`: `words[j][k]` is light j, lamps first, at `points[k]`.
+    pub fn upload(&mut self, points: &[u32], words: &[Vec<Words>]) {
+        let pair = if self.method.counts_strands() { 2 } else { 1 };
+        self.known = Some(known_table(&self.gpu, points, words, pair, self.points as usize));
+        self.draw_known();
+    }
+
+    /// What is traced of each light, lamps first, at `points`.
+    ///
+    /// # Errors
+    /// The device was lost.
+    pub fn traced_words(&self, points: &[u32]) -> Result<Vec<Vec<Words>>> {
+        self.traced.read(&self.gpu, points)
+    }
+
+    /// Rays that were traced so far.
+    pub fn traced_rays(&self) -> u64 {
+        self.traced.rays
+    }
+
+    fn table(&self) -> &Table {
+        self.known.as_ref().unwrap_or(&self.traced.table)
+    }
+
+    fn draw_known(&mut self) {
+        let there = |first: usize| {
+            let table = self.table();
+            table.has(first) && table.has(first + 1)
+        };
+        let keep: Vec<bool> =
+            self.every_segment.iter().map(|&first| there(first as usize)).collect();
+        let mut keep = keep.into_iter();
+        self.draw_segments(self.pieces, |_| keep.next() == Some(true));
     }
 
     /// From now on no strand is lit by another.
@@ -764,14 +830,18 @@ impl Renderer {
         Ok(Done { points: points.len() as u64, pairs, single, global, lobes })
     }
 
-    /// Bytes of what shading reads: tables, lights, the field, reach of its points, and the points.
+    /// Bytes of what shading reads: tables, lights, the field, T̃ of its points, and the points.
     pub fn shading_bytes(&self) -> u64 {
         let tables: usize = self.method.tables.iter().map(Vec::len).sum();
-        let reach: u64 = self.groups.iter().map(|group| group.reach.size()).sum();
         let cells = self.field.map_or(0.0, |field| field.dims.element_product());
         let field = 8 * ORDINATES as u64 * cells as u64;
         // A point is two vec4f and its slot.
-        tables as u64 + self.lights.size() + field + reach + (32 + 4) * u64::from(self.slot_count)
+        let table = self.table();
+        tables as u64
+            + self.lights.size()
+            + field
+            + table.bytes()
+            + (32 + 4) * u64::from(table.count)
     }
 
     /// Checks the size against the adapter and makes the buffers of a frame's tallest band.
@@ -839,15 +909,25 @@ impl Renderer {
         let device = &self.gpu.device;
         let layout = shading.pipeline.get_bind_group_layout(1);
         let field = self.field.unwrap_or(NO_FIELD);
-        self.groups
-            .iter()
-            .map(|group| {
+        let table = self.table();
+        // Groups hold lights from the last to the first.
+        let a_pass = self.method.lights_a_pass() as u32;
+        let passes = table.groups.iter().rev().flat_map(|group| {
+            let last_column = self.light_count.saturating_sub(1 + group.first);
+            let end = self.light_count.saturating_sub(group.first);
+            let first = end.saturating_sub(group.count);
+            (first..end)
+                .step_by(a_pass as usize)
+                .map(move |first| (group, first, a_pass.min(end - first), last_column))
+        });
+        passes
+            .map(|(group, first_light, lights, last_column)| {
                 let uniform = ShadingUniform {
                     eye: lens.eye.as_vec3(),
                     parts: parts.bits(),
-                    first_light: group.first,
-                    lights: group.count,
-                    slots: self.slot_count,
+                    first_light,
+                    lights,
+                    slots: table.count,
                     first_ordinate: match self.field {
                         Some(_) => self.light_count - ORDINATES as u32,
                         None => u32::MAX,
@@ -857,7 +937,9 @@ impl Renderer {
                     field_dims: field.dims,
                     field_scale: field.scale,
                     lamps: self.lamp_count,
-                    pad: [0; 3],
+                    stride: table.pair * group.count,
+                    last_column,
+                    pad: 0,
                 };
                 let uniform = uniform_buffer(device, "shading", bytemuck::bytes_of(&uniform));
                 let buffers = [
@@ -865,9 +947,9 @@ impl Renderer {
                     &self.strand_points,
                     &work.needed,
                     &self.lights,
-                    &group.reach,
+                    &group.words,
                     &work.radiance,
-                    &self.slots,
+                    &table.slots,
                 ];
                 let buffers = (0..).zip(buffers).map(|(binding, bound)| buffer(binding, bound));
                 let sampled = [
@@ -983,6 +1065,11 @@ struct PassView {
     uniform: wgpu::Buffer,
     /// Width and height of its image in the visibility buffer.
     texels: [u32; 2],
+}
+
+/// Whether what is seen in a frame of this size can be kept: see [`Renderer::look`].
+pub fn can_be_kept(size: [u32; 2]) -> bool {
+    band_rows(size) >= size[1]
 }
 
 /// Rows of a frame's bands but the last.

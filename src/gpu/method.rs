@@ -189,6 +189,11 @@ impl MethodData {
         if self.exact_single { 16 } else { 256 }
     }
 
+    /// Whether shading needs to know how many strands light crosses, and not T̃ alone.
+    pub fn counts_strands(&self) -> bool {
+        self.integrator == Integrator::Xu
+    }
+
     /// What the shader is specialised by: see shaders/fibre.wgsl.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
         let modes = match self.integrator {

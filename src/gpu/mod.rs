@@ -7,6 +7,7 @@ pub mod probe;
 mod resources;
 pub mod shaders;
 mod timer;
+pub mod transmittance;
 pub mod uniforms;
 
 pub use device::Gpu;

@@ -17,7 +17,7 @@ macro_rules! files {
 }
 
 /// Every file, by its path in shaders/.
-const FILES: [(&str, &str); 23] = files![
+const FILES: [(&str, &str); 25] = files![
     "angles.wgsl",
     "arrival.wgsl",
     "azimuth_table.wgsl",
@@ -33,11 +33,13 @@ const FILES: [(&str, &str); 23] = files![
     "mark.wgsl",
     "marschner.wgsl",
     "nodes.wgsl",
+    "occlusion.wgsl",
     "probe/probe.wgsl",
     "raster.wgsl",
     "resolve.wgsl",
     "shade.wgsl",
     "tables.wgsl",
+    "transmittance.wgsl",
     "view.wgsl",
     "walk.wgsl",
     "xu.wgsl",
@@ -140,6 +142,11 @@ impl Shaders {
         self.scattering_library(integrator) + "\n" + self.text("shade.wgsl")
     }
 
+    /// Entry point `transmittance`.
+    pub fn transmittance(&self) -> String {
+        self.join(&["angles.wgsl", "occlusion.wgsl", "transmittance.wgsl"])
+    }
+
     /// A shader with `single_scattering` by dense quadrature (shaders/exact.wgsl), for judging the rest of a method.
     pub fn with_exact_single(&self, shader: &str) -> String {
         // The method's own stays under another name.
@@ -153,10 +160,11 @@ impl Shaders {
     }
 
     /// Every pass's shader with its name.
-    pub fn passes(&self) -> [(&'static str, String); 6] {
+    pub fn passes(&self) -> [(&'static str, String); 7] {
         [
             ("raster", self.raster()),
             ("mark", self.mark()),
+            ("transmittance", self.transmittance()),
             ("shade, fast", self.shade(Integrator::Fast(Model::Marschner))),
             ("shade, fast, deon", self.shade(Integrator::Fast(Model::Deon))),
             ("shade, xu", self.shade(Integrator::Xu)),

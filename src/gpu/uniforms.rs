@@ -104,7 +104,22 @@ pub struct ShadingUniform {
     pub field_dims: Vec3,
     pub field_scale: f32,
     pub lamps: u32,
-    pub pad: [u32; 3],
+    pub stride: u32,
+    pub last_column: u32,
+    pub pad: u32,
+}
+
+/// `Tracing` of shaders/transmittance.wgsl, before its lights.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct TracingHead {
+    pub blocks: u32,
+    pub points: u32,
+    pub stride: u32,
+    pub lights: u32,
+    pub lights_a_thread: u32,
+    pub pad: u32,
+    pub head: [u32; 2],
 }
 
 /// Byte offsets in `Needed` (shaders/mark.wgsl).

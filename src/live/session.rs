@@ -18,7 +18,7 @@ use crate::gpu::frame::{Background, Frame, Renderer, Sight};
 use crate::gpu::method::MethodData;
 use crate::gpu::shaders::Shaders;
 use crate::image::display_bytes;
-use crate::light::{Lights, LitHair, Medium};
+use crate::light::{HairMedium, Lights, LitHair};
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::quality::{self, Costs, Facts, Pick, Settings};
 use crate::scene::{
@@ -26,7 +26,6 @@ use crate::scene::{
 };
 use crate::srbf::{self, split_weak, split_wide};
 use crate::stage::{Geometry, exposure_scale, load_hair, place_lights, suns};
-use crate::transport::Detail;
 
 /// A hurried picture shall take no longer.
 const HURRY_MS: f64 = 150.0;
@@ -36,12 +35,10 @@ const HURRY_POINTS: usize = 32_000;
 const HURRY_PIXELS: [f64; 2] = [10_000.0, 20_000.0];
 /// What a light brings less of than this share is left out of a hurried picture: see `Renderer::negligible`.
 const HURRY_NEGLIGIBLE: f64 = 0.03;
-/// Cells of the density volume while the light turns.
-const HURRY_CELLS: usize = 32;
 /// Narrow lights that are brought through hair anew while the light turns; others are shared out among ordinates, which
 /// stay where they are.
 const HURRY_LIGHTS: usize = 6;
-/// Of rest before it is made what the next pictures may take; what reach of points that nothing shows yet may take.
+/// Of rest before it is made what the next pictures may take; what T̃ of points that nothing shows yet may take.
 const FORESEE_AFTER: Duration = Duration::from_millis(300);
 const FORESEEN_BYTES: usize = 256 << 20;
 
@@ -60,20 +57,15 @@ struct Body {
     stage: Arc<Geometry>,
     /// What is painted of its thickness.
     thickness: Option<Layer>,
-    medium: Medium,
-    /// Of [`HURRY_CELLS`].
-    coarse: Medium,
-    /// Along the longest edge of `medium`.
-    cells: usize,
-    /// Whether both have another thickness than the stage.
+    medium: HairMedium,
+    /// Whether the medium has another thickness than the stage.
     stale: bool,
 }
 
 impl Body {
-    fn new(stage: Arc<Geometry>, thickness: Option<Layer>, cells: usize) -> Body {
-        let medium = Medium::new(&stage, &Detail { cells, ..Detail::USUAL });
-        let coarse = medium.with_cells(&stage, HURRY_CELLS);
-        Body { stage, thickness, medium, coarse, cells, stale: false }
+    fn new(stage: Arc<Geometry>, thickness: Option<Layer>) -> Body {
+        let medium = HairMedium::new(&stage, true);
+        Body { stage, thickness, medium, stale: false }
     }
 }
 
@@ -97,7 +89,7 @@ pub struct Session {
     coming: Option<Coming>,
     /// The folder of fits made before; None fits each anew.
     pub cache: Option<PathBuf>,
-    /// Lit through [`Body::coarse`], to the grid's samples alone, and through [`Body::medium`].
+    /// While the light turns, with few narrow lights, and at rest.
     coarse: Option<Made<Turned, LitHair>>,
     fine: Option<Made<Turned, LitHair>>,
     /// Of the last whole picture, for its lens and samples.
@@ -251,25 +243,26 @@ impl Session {
         };
         // What the first hurried pictures take: of another camera, and of light that turns.
         let (_, points) = hurried_points(stage);
-        body.medium.roughen(stage, &mut fine.it, &points);
+        body.medium.compute_coarse(stage, &mut fine.it, &points);
         let coarse = self.coarse.get_or_insert_with(|| not_lit(scene));
         if coarse.from != fine.from {
             let lights = lights_of(stage, light, scene, true);
-            if body.coarse.relight(stage, &mut coarse.it, lights, &|_| go_on()).is_err() {
+            if body.medium.update_lights(stage, &mut coarse.it, lights, &|_| go_on()).is_err() {
                 return;
             }
-            body.coarse.roughen(stage, &mut coarse.it, &points);
+            body.medium.compute_coarse(stage, &mut coarse.it, &points);
             coarse.from = fine.from;
         }
         // What any whole picture of another camera takes.
         let points = stage.hair.points.len();
-        if 4 * points * fine.it.brought.len() <= FORESEEN_BYTES {
+        if let Some(Made { it: renderer, .. }) = &mut self.gpu
+            && self.whole.is_some()
+            && 4 * points * fine.it.brought.len() <= FORESEEN_BYTES
+        {
             let all: Vec<u32> = (0..points as u32).collect();
-            let new = fine.it.missing(stage, &all);
-            if !new.is_empty() {
-                // Given up, all is as it was.
-                let _ = body.medium.extend(stage, &mut fine.it, &new, &|_| go_on());
-            }
+            let rays = body.medium.rays(stage, renderer);
+            // Given up, what was traced is kept.
+            let _ = renderer.foresee(stage, &all, rays, &|_| go_on());
         }
     }
 
@@ -398,7 +391,7 @@ impl Session {
         }
         self.can_use(&[ScenePart::Quality], scene);
         let begun = Instant::now();
-        self.make_medium(self.settings(scene).cells);
+        self.make_medium();
         self.make_lighting(scene, false, go_on, say)?;
         self.stages = vec![("light through hair", ms_since(begun))];
         let whole = self.finish(wish, go_on, say)?;
@@ -443,10 +436,9 @@ impl Session {
         Ok(())
     }
 
-    fn make_medium(&mut self, cells: usize) {
-        let other = |body: &Body| body.stale || body.cells != cells;
-        let Some(body) = self.body.as_mut().filter(|body| other(&body.it)) else { return };
-        body.it = Body::new(body.it.stage.clone(), body.it.thickness.take(), cells);
+    fn make_medium(&mut self) {
+        let Some(body) = self.body.as_mut().filter(|body| body.it.stale) else { return };
+        body.it = Body::new(body.it.stage.clone(), body.it.thickness.take());
         (self.coarse, self.fine) = (None, None);
     }
 
@@ -531,7 +523,7 @@ impl Session {
         let thickness = self.thickness(wish, &stage)?;
         self.using = Some(ScenePart::Hair);
         stage.thicken(thickness.as_ref());
-        Ok(Body::new(Arc::new(stage), thickness, Detail::USUAL.cells))
+        Ok(Body::new(Arc::new(stage), thickness))
     }
 
     /// Tells what is wrong with shaders, and goes on with the last good ones.
@@ -598,14 +590,9 @@ impl Session {
             return Ok(());
         }
         let lights = lights_of(&body.it.stage, light, scene, hurry);
-        let (medium, made) = match hurry {
-            true => (&body.it.coarse, &mut self.coarse),
-            false => (&body.it.medium, &mut self.fine),
-        };
+        let made = if hurry { &mut self.coarse } else { &mut self.fine };
         let begun = made.get_or_insert_with(|| not_lit(scene));
-        let seen = self.sight.as_ref().map_or(&[][..], |sight| &sight.it.points);
-        begun.it.retain(&body.it.stage, seen);
-        medium.relight(&body.it.stage, &mut begun.it, lights, &|done| {
+        body.it.medium.update_lights(&body.it.stage, &mut begun.it, lights, &|done| {
             if !hurry {
                 say(Said::Progress("light through hair", done));
             }
@@ -630,10 +617,10 @@ impl Session {
         let lens = Lens { size, ..lens(stage, scene, wish.size)? };
         let (thinning, points) = hurried_points(stage);
         if ready != Some(now) {
-            body.medium.roughen(stage, lit, &points);
+            body.medium.compute_coarse(stage, lit, &points);
             renderer.set_thinning(thinning as u32);
             renderer.negligible = HURRY_NEGLIGIBLE;
-            lit.show_rough(renderer, &points);
+            lit.show_coarse(renderer, &points);
         }
         if !asked.multiple() {
             renderer.clear_field();
@@ -663,7 +650,7 @@ impl Session {
         let Some(body) = &self.body else { bail!("no hair") };
         let from = (lens(&body.it.stage, scene, wish.size)?, settings.samples);
         let known = self.sight.take().filter(|sight| sight.from == from);
-        let Some((body, renderer, lit, _)) = self.parts(turned) else { bail!("no hair") };
+        let Some((body, renderer, _, _)) = self.parts(turned) else { bail!("no hair") };
         let stage = &body.stage;
         renderer.set_thinning(1);
         renderer.negligible = settings.negligible;
@@ -680,38 +667,35 @@ impl Session {
             }
         };
         let seen_ms = ms_since(begun);
-        let begun_light = Instant::now();
-        let new = lit.missing(stage, &sight.points);
+        let new = renderer.untraced(&sight.points);
         self.sight = Some(Made { from, it: sight.clone() });
         if !go_on() {
             return Ok(false);
         }
-        let Some((body, _, lit, _)) = self.parts(turned) else { bail!("no hair") };
-        if !new.is_empty() {
-            body.medium.extend(&body.stage, lit, &new, &|done| {
-                say(Said::Progress("light through hair", done));
-                go_on()
-            })?;
-        }
-        self.stages[0].1 += ms_since(begun_light);
         let begun_field = Instant::now();
         self.make_field(scene, go_on, say)?;
+        let field_ms = ms_since(begun_field);
+        let begun_light = Instant::now();
         let field = self.field.take().filter(|_| asked.multiple());
-        let Some((_, renderer, lit, method)) = self.parts(turned) else { bail!("no hair") };
+        let Some((body, renderer, lit, method)) = self.parts(turned) else { bail!("no hair") };
         let shown = field.as_ref().and_then(|made| made.it.as_ref());
-        lit.show_some(renderer, method, shown, &sight.points);
+        let at = (&*body.stage, &body.medium);
+        let lit = lit.show_at(at, renderer, method, shown, &sight.points, settings.rays, &|done| {
+            say(Said::Progress("light through hair", done));
+            go_on()
+        });
         self.field = field;
+        lit?;
+        self.stages[0].1 += ms_since(begun_light);
         let begun_frame = Instant::now();
-        self.stages
-            .extend([("what is seen", seen_ms), ("light between strands", ms_since(begun_field))]);
+        self.stages.extend([("what is seen", seen_ms), ("light between strands", field_ms)]);
         say(Said::Progress("shading", 0.5));
         let Some(renderer) = self.gpu.as_mut() else { bail!("no device") };
         let frame = renderer.it.render_seen(&sight, live_background(scene), asked, go_on)?;
         let Some(frame) = frame else { return Ok(false) };
         self.stages.push(("the frame", ms_since(begun_frame)));
         let ms = ms_since(begun);
-        let figures =
-            Figures { brought: new.len(), ..self.figures(scene, &settings, &frame, &lens)? };
+        let figures = Figures { brought: new, ..self.figures(scene, &settings, &frame, &lens)? };
         let [width, height] = wish.size;
         let quality = format!(
             "{width} × {height}, {} samples, {} points",

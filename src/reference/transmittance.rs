@@ -8,14 +8,17 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::tracer::skin::Skin;
-use super::tracer::strands::{StrandRay, Strands};
+use super::tracer::strands::{StrandBvh, StrandRay, Strands};
+use crate::head::HeadRays;
 use crate::scattering::dual::D_F;
+use crate::scene::Lens;
 use crate::srbf::{SrbfLight, sample_lobe};
 use crate::stage::Geometry;
-use crate::transport::Reach;
+use crate::transport::TransmittanceMoments;
+use crate::transport::draws::{self, Block, TracedLight, Words};
 
-/// Rays for one T̃: their own noise is 0.016 at most.
-const RAYS: usize = 1024;
+/// Rays for one T̃: their own noise is 0.03 at most, and that of a pixel's mean a third of it.
+const RAYS: usize = 256;
 
 /// A ray that has crossed so many fibres counts as lost: 0.9^256 is 2e-12.
 const CROSSINGS_MAX: usize = 256;
@@ -24,6 +27,61 @@ const CROSSINGS_MAX: usize = 256;
 const QUARTER_FAINT: i32 = 24;
 const HALF_FAINT: i32 = 10;
 
+/// Strands and head as rays on the CPU meet them: the twin of shaders/occlusion.wgsl and, on a CPU's adapter, what stands
+/// in its place.
+pub struct StrandRays {
+    strands: StrandBvh,
+    head: Option<HeadRays>,
+}
+
+impl StrandRays {
+    pub fn new(stage: &Geometry) -> StrandRays {
+        let Geometry { hair, diameters, frames, head, center, .. } = stage;
+        StrandRays {
+            strands: StrandBvh::new(hair, diameters, frames, 1, *center),
+            head: head.as_ref().map(|head| HeadRays::new(head, *center)),
+        }
+    }
+
+    /// Adds the rays that `light` asks for to the words of a block of `points`; `counts`: whether to count strands.
+    pub fn trace(
+        &self,
+        stage: &Geometry,
+        block: &Block,
+        points: u32,
+        light: &TracedLight,
+        counts: bool,
+        words: &mut Words,
+    ) {
+        let Geometry { hair, diameters, frames, center, .. } = stage;
+        let strand = hair.offsets.partition_point(|&first| first <= block.own[0]) - 1;
+        for _ in 0..light.rays {
+            let number = (block.point - block.own[0]) / points;
+            let draw = draws::draw_of(block.own[0], number, words[0] >> 16);
+            let (point, other, part) = block.place(points, draw[2]);
+            let [at, to] = [point, other].map(|i| hair.points[i as usize] - *center);
+            let origin = at.lerp(to, part);
+            let aim = draws::aim(light, origin, draw);
+            let (radius, u) = (0.5 * diameters[point as usize], frames.tangents[point as usize]);
+            let leave = |omega: Vec3, most: f32| {
+                let across = aim.direction.reject_from_normalized(u).normalize_or_zero();
+                StrandRay::along(origin + radius * across, radius, strand as u32, omega, most)
+            };
+            let ray = leave(aim.direction, aim.distance);
+            let seen =
+                |ray: &StrandRay| !self.head.as_ref().is_some_and(|head| head.occluded(&ray.ray));
+            let counted = counts.then(|| {
+                let left = f32::from(u8::from(aim.distance > 0.0 && seen(&ray)));
+                let strands = self.strands.count(&ray);
+                let behind = self.strands.count(&leave(-aim.direction, f32::INFINITY));
+                [left, left * 0.75f32.powi(strands as i32), 0.5f32.powi(behind as i32)]
+            });
+            let open = aim.distance > 0.0 && !self.strands.occluded(&ray) && seen(&ray);
+            draws::add(words, open, counted);
+        }
+    }
+}
+
 /// The real strands and head of a stage.
 pub struct RealStrands<'a> {
     stage: &'a Geometry,
@@ -31,19 +89,29 @@ pub struct RealStrands<'a> {
     skin: Option<Skin<'a>>,
 }
 
-/// How the transmittances of a frame differ from the exact ones: ΔT̃ = T̃ of the frame − T̃ by rays, over pairs of a
-/// seen point and a light that shines. Above 0 the frame is too bright.
+/// How the transmittances of a frame differ from the exact ones: ΔT̃ = T̃ of the frame − T̃ by rays, for lights that shine.
+/// Above 0 the frame is too bright.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeltaT {
-    /// Mean ΔT̃; all lights count alike.
+    /// Mean ΔT̃ over pixels; all lights count alike.
     pub mean: f64,
-    /// Mean |ΔT̃|; all lights count alike.
+    /// Mean |ΔT̃| over pixels, of each the mean over the points that its samples see; all lights count alike.
     pub mean_abs: f64,
-    /// Mean |ΔT̃| over mean T̃, each light weighted by its energy.
+    /// The same over mean T̃, each light weighted by its energy.
     pub weighted_abs: f64,
-    /// Mean ΔT̃ where light arrives, that is, over pairs of an exact T̃ above [`LIT`], each light weighted by its
-    /// energy; None where there is no such pair.
+    /// Mean ΔT̃ where light arrives, that is, over pairs of a point and a light whose exact T̃ is above [`LIT`], each light
+    /// weighted by its energy; None where there is no such pair.
     pub mean_lit: Option<f64>,
+}
+
+/// What one pixel, or one pair of a point and a light, adds to [`DeltaT`].
+#[derive(Clone, Copy, Default)]
+struct Judged {
+    exact: f64,
+    delta: f64,
+    /// Weights by which lights count alike, and by their energy.
+    alike: f64,
+    energy: f64,
 }
 
 /// A pair is lit if its exact T̃ is above this.
@@ -59,13 +127,17 @@ impl<'a> RealStrands<'a> {
         }
     }
 
-    /// Rays along the lobe from evenly spread places on the segment that starts at strand point `own`.
+    /// Rays along the lobe from evenly spread places on the strand, up to half a segment to either side of point `own`.
     fn rays(&self, own: usize, light: &SrbfLight, count: usize) -> Vec<StrandRay> {
         let Geometry { hair, diameters, center, .. } = self.stage;
         let strand = hair.offsets.partition_point(|&first| first as usize <= own) - 1;
-        let end = hair.offsets[strand + 1] as usize;
-        let other = if own + 1 < end { own + 1 } else { own };
-        let (a, b) = (hair.points[own] - *center, hair.points[other] - *center);
+        let [begin, end] = [strand, strand + 1].map(|at| hair.offsets[at] as usize);
+        let place = |point: usize| hair.points[point.clamp(begin, end - 1)] - *center;
+        let at = place(own);
+        let aside = |way: f32| {
+            let inward = own > begin && (way < 0.0 || own + 1 == end);
+            place(if inward { own - 1 } else { own + 1 })
+        };
         let u = self.stage.frames.tangents[own].as_dvec3();
         sample_lobe(light, count)
             .into_iter()
@@ -74,7 +146,9 @@ impl<'a> RealStrands<'a> {
                 // Van der Corput along the segment.
                 let along = (k as u32).reverse_bits() as f32 / u32::MAX as f32;
                 let radius = 0.5 * f64::from(diameters[own]);
-                StrandRay::leaving(a.lerp(b, along).as_dvec3(), radius, u, strand as u32, omega)
+                let way = along - 0.5;
+                let place = at.lerp(aside(way), way.abs());
+                StrandRay::leaving(place.as_dvec3(), radius, u, strand as u32, omega)
             })
             .collect()
     }
@@ -90,27 +164,26 @@ impl<'a> RealStrands<'a> {
         rays.iter().filter(open).count() as f64 / rays.len() as f64
     }
 
-    /// What [`crate::transport`] finds in its volume, here of the real strands: with n the fibres that a ray
-    /// crosses, e^{−sτ} becomes (1−s)^n, of the same mean where crossings are Poisson.
-    pub fn reach(&self, own: usize, light: &SrbfLight, rays: usize) -> Reach {
+    /// What rays drawn at random find of a light, here by `rays` that are spread evenly.
+    pub fn moments(&self, own: usize, light: &SrbfLight, rays: usize) -> TransmittanceMoments {
         let toward = self.rays(own, light, rays);
-        let mut reach = Reach::default();
+        let mut moments = TransmittanceMoments::default();
         for ray in toward.iter().filter(|ray| !self.meets_head(ray)) {
             let crossings = self.crossings(ray, QUARTER_FAINT);
-            reach.open += 1.0;
-            reach.quarter += 0.75f32.powi(crossings);
-            reach.direct += f32::from(u8::from(crossings == 0));
+            moments.visibility += 1.0;
+            moments.t_quarter += 0.75f32.powi(crossings);
+            moments.t1 += f32::from(u8::from(crossings == 0));
         }
         let away = SrbfLight { direction: -light.direction, ..*light };
         for ray in self.rays(own, &away, rays) {
-            reach.beyond += 0.5f32.powi(self.crossings(&ray, HALF_FAINT));
+            moments.back += 0.5f32.powi(self.crossings(&ray, HALF_FAINT));
         }
         let share = |sum: f32| sum / rays as f32;
-        Reach {
-            direct: share(reach.direct),
-            quarter: share(reach.quarter),
-            open: share(reach.open),
-            beyond: share(reach.beyond),
+        TransmittanceMoments {
+            t1: share(moments.t1),
+            t_quarter: share(moments.t_quarter),
+            visibility: share(moments.visibility),
+            back: share(moments.back),
         }
     }
 
@@ -156,51 +229,105 @@ impl<'a> RealStrands<'a> {
         (sum / rays.len() as f64).to_array()
     }
 
-    /// ΔT̃ over `pairs` pairs of a point and a light that shines: `t[j][k]` is the frame's T̃ of light j (world frame)
-    /// at strand point `points[k]`. None where nothing is seen or shines.
+    /// The points that the samples of a pixel see, with their shares: of `PIXEL_RAYS` rays through it.
+    fn seen(&self, lens: &Lens, [x, y]: [u32; 2]) -> Vec<(u32, f64)> {
+        const ACROSS: u32 = 4;
+        let mut seen: Vec<(u32, f64)> = Vec::new();
+        for k in 0..ACROSS * ACROSS {
+            let at = |pixel: u32, k: u32, size: u32| {
+                let place = f64::from(pixel) + (f64::from(k) + 0.5) / f64::from(ACROSS);
+                2.0 * place / f64::from(size) - 1.0
+            };
+            let across = at(x, k % ACROSS, lens.size[0]);
+            let down = at(y, k / ACROSS, lens.size[1]);
+            let direction = (lens.forward + across * lens.right - down * lens.up).normalize();
+            let ray = StrandRay::free(lens.eye.as_vec3(), direction.as_vec3());
+            let Some(id) = self.strands.closest(&ray) else { continue };
+            let at = self.strands.fibre_point(id, &ray);
+            let distance = at.axis_point.distance(lens.eye) as f32;
+            let skin = self.skin.as_ref().and_then(|skin| skin.closest(&ray.ray));
+            if skin.is_some_and(|(_, t)| t < distance) {
+                continue;
+            }
+            let along = f64::from(at.along);
+            for (point, share) in [(at.point, 1.0 - along), (at.point + 1, along)] {
+                match seen.iter_mut().find(|seen| seen.0 == point) {
+                    Some(seen) => seen.1 += share,
+                    None => seen.push((point, share)),
+                }
+            }
+        }
+        seen
+    }
+
+    /// ΔT̃ of a frame through `lens`, over some `pixels` that hair covers, each with a light that shines: `t[j][k]` is the
+    /// frame's T̃ of light j (world frame) at strand point `points[k]`. None where nothing is seen or shines.
     ///
-    /// Which pairs are drawn depends on points and lights alone, not on their order: places evenly along the points,
-    /// and lights by a golden-ratio sequence, half of them evenly and half by energy. Each pair is weighted by what
-    /// its light's chance was, so that figures of different releases compare.
+    /// Which pixels and lights are drawn depends on the view and the lights alone: pixels by a golden-ratio sequence, and
+    /// lights by another, half of them evenly and half by energy. Each is weighted by what its light's chance was, so that
+    /// figures of different releases compare.
     pub fn delta_t(
         &self,
+        lens: &Lens,
         points: &[u32],
         lights: &[SrbfLight],
         t: impl Fn(usize, usize) -> f64 + Sync,
-        pairs: usize,
+        pixels: usize,
     ) -> Option<DeltaT> {
         let energies: Vec<f64> = lights.iter().map(|l| l.energy().iter().sum()).collect();
         let mut shining: Vec<usize> = (0..lights.len()).filter(|&j| energies[j] > 0.0).collect();
         shining.sort_by(|&a, &b| energies[b].total_cmp(&energies[a]));
-        let mut order: Vec<usize> = (0..points.len()).collect();
-        order.sort_unstable_by_key(|&k| points[k]);
+        let mut place_of = vec![usize::MAX; self.stage.hair.points.len()];
+        points.iter().enumerate().for_each(|(k, &point)| place_of[point as usize] = k);
         let whole: f64 = energies.iter().sum();
         let even = 1.0 / shining.len() as f64;
         let chance = |j: usize| 0.5 * even + 0.5 * energies[j] / whole;
         if shining.is_empty() || points.is_empty() {
             return None;
         }
-        let drawn = (0..pairs).into_par_iter().map(|pair| {
-            let k = order[pair * points.len() / pairs];
-            let mut left = (pair as f64 * 0.5 * (5f64.sqrt() - 1.0)).fract();
+        let count = u64::from(lens.size[0]) * u64::from(lens.size[1]);
+        let golden = |k: u64, step: f64| (k as f64 * step).fract();
+        let judge = |k: u64| {
+            let pixel = (golden(k, 0.5 * (5f64.sqrt() - 1.0)) * count as f64) as u32;
+            let seen = self.seen(lens, [pixel % lens.size[0], pixel / lens.size[0]]);
+            let known = |&(point, share): &(u32, f64)| {
+                let place = place_of[point as usize];
+                (place != usize::MAX).then_some((point as usize, place, share))
+            };
+            let seen: Vec<(usize, usize, f64)> = seen.iter().filter_map(known).collect();
+            let mut left = golden(k, 0.754_877_666_246_693);
             let drawn = shining.iter().copied().find(|&j| {
                 left -= chance(j);
                 left < 0.0
             });
             let j = drawn.unwrap_or(shining[shining.len() - 1]);
-            let exact = self.transmittance(points[k] as usize, &lights[j], RAYS);
-            (exact, t(j, k) - exact, even / chance(j), energies[j] / chance(j))
-        });
-        let drawn: Vec<(f64, f64, f64, f64)> = drawn.collect();
-        let sum = |of: fn(&(f64, f64, f64, f64)) -> f64| drawn.iter().map(of).sum::<f64>();
-        let alike = sum(|d| d.2);
-        let lit = sum(|d| if d.0 > LIT { d.3 } else { 0.0 });
-        let lit_delta = sum(|d| if d.0 > LIT { d.3 * d.1 } else { 0.0 });
-        Some(DeltaT {
-            mean: sum(|d| d.2 * d.1) / alike,
-            mean_abs: sum(|d| d.2 * d.1.abs()) / alike,
-            weighted_abs: sum(|d| d.3 * d.1.abs()) / sum(|d| d.3 * d.0).max(f64::MIN_POSITIVE),
-            mean_lit: (lit > 0.0).then_some(lit_delta / lit),
+            let weights = [even / chance(j), energies[j] / chance(j)];
+            let total: f64 = seen.iter().map(|seen| seen.2).sum();
+            let mut mean = Judged { alike: weights[0], energy: weights[1], ..Judged::default() };
+            let mut lit = [0.0; 2];
+            for (point, place, share) in seen {
+                let exact = self.transmittance(point, &lights[j], RAYS);
+                let delta = t(j, place) - exact;
+                mean.exact += share / total * exact;
+                mean.delta += share / total * delta;
+                if exact > LIT {
+                    lit = [lit[0] + weights[1] * share, lit[1] + weights[1] * share * delta];
+                }
+            }
+            (total > 0.0).then_some((mean, lit))
+        };
+        // Half of all pixels may show no hair.
+        let judged = (0..16 * pixels as u64).into_par_iter().filter_map(judge);
+        let judged: Vec<(Judged, [f64; 2])> = judged.take_any(pixels).collect();
+        let sum = |of: fn(&Judged) -> f64| judged.iter().map(|(one, _)| of(one)).sum::<f64>();
+        let alike = sum(|one| one.alike);
+        let lit = [0, 1].map(|k| judged.iter().map(|(_, lit)| lit[k]).sum::<f64>());
+        (alike > 0.0).then(|| DeltaT {
+            mean: sum(|one| one.alike * one.delta) / alike,
+            mean_abs: sum(|one| one.alike * one.delta.abs()) / alike,
+            weighted_abs: sum(|one| one.energy * one.delta.abs())
+                / sum(|one| one.energy * one.exact).max(f64::MIN_POSITIVE),
+            mean_lit: (lit[0] > 0.0).then(|| lit[1] / lit[0]),
         })
     }
 }

@@ -3,8 +3,8 @@
 //! With F the frame, T the truth, and ‖·‖ `compare`'s norm relative to T:
 //!
 //! - light fit: T traced under the fitted lights, T_s. Alone ‖T_s−T‖, remaining ‖F−T_s‖.
-//! - transmittance: reach by rays through the real strands (`RealStrands::reach`); that to the grid of multiple
-//!   scattering stays and is its own.
+//! - transmittance: that by many rays, evenly spread (`RealStrands::moments`); that to the grid of multiple scattering
+//!   stays and is its own.
 //! - scattering integral: single scattering by dense quadrature (shaders/exact.wgsl).
 //! - coverage: the traced share of hair and head in each pixel.
 //!   For these three, with F′ the frame that has the exact part: alone ‖F−F′‖, remaining ‖F′−T‖.
@@ -22,7 +22,6 @@ use super::images::{ALL, Asked, Lit, NONE, SINGLE, View};
 use crate::field::Field;
 use crate::gpu::frame::Parts;
 use crate::gpu::method::MethodData;
-use crate::light::LitHair;
 use crate::measure::compare::compare;
 use crate::measure::read::Picture;
 use crate::progress::Clock;
@@ -89,11 +88,10 @@ impl OfModel {
         let (fitted, fitted_single) = (truth(u32::MAX)?, truth(1)?);
         let mut singles = None;
         if let Some(data) = exact {
-            let mut by = |hair: &LitHair| {
-                hair.show(&mut view.renderer, &data, None);
-                shot(view, SINGLE)
-            };
-            singles = Some([by(&lit.hair)?, by(&lit.exact)?]);
+            view.show(&lit.hair, &data, None)?;
+            let by_transport = shot(view, SINGLE)?;
+            lit.hair.show_known(&mut view.renderer, &data, None, &lit.exact);
+            singles = Some([by_transport, shot(view, SINGLE)?]);
         }
         Ok(OfModel { fitted, fitted_single, exact_single: singles })
     }
@@ -107,10 +105,10 @@ fn shot(view: &mut View, parts: Parts) -> Result<Picture> {
 pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
     let Subject { ref method, data, field, lit, truth, model } = *subject;
     let OfModel { fitted, fitted_single, exact_single } = model;
-    lit.exact.show(&mut view.renderer, data, field);
+    lit.hair.show_known(&mut view.renderer, data, field, &lit.exact);
     let by_reach = shot(view, ALL)?;
     let single_by_reach = shot(view, SINGLE)?;
-    lit.hair.show(&mut view.renderer, data, field);
+    view.show(&lit.hair, data, field)?;
     let frame = shot(view, ALL)?;
     let single = shot(view, SINGLE)?;
     let head = shot(view, NONE)?;

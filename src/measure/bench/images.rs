@@ -22,7 +22,7 @@ use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
 use crate::gpu::method::{Integrator, MethodData};
-use crate::light::{LitHair, Medium};
+use crate::light::{HairMedium, LitHair};
 use crate::measure::compare::compare;
 use crate::measure::read::Picture;
 use crate::paint::Fibres;
@@ -38,7 +38,7 @@ use crate::reference::transmittance::RealStrands;
 use crate::scene::{FibreSpec, Lens, PRESETS, Scene};
 use crate::srbf;
 use crate::stage::{Geometry, load_map, place_lights, shaded_lights};
-use crate::transport::Detail;
+use crate::transport::draws::Words;
 
 /// The seed of path tracing that is judged; the truth's is 0.
 const OTHER_SEED: u32 = 1;
@@ -115,7 +115,7 @@ impl Image {
 /// A groom before its camera.
 pub(super) struct View<'a> {
     pub stage: &'a Geometry,
-    pub medium: Medium,
+    pub medium: HairMedium,
     pub lens: Lens,
     pub renderer: Renderer,
     /// Those that the frame needs.
@@ -138,7 +138,7 @@ impl<'a> View<'a> {
         let points = renderer.visible_points(&[lens], pieces, samples)?;
         let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = stage;
         Ok(View {
-            medium: Medium::new(stage, &Detail::USUAL),
+            medium: HairMedium::new(stage, true),
             stage,
             lens,
             renderer,
@@ -147,6 +147,12 @@ impl<'a> View<'a> {
             skin: head.as_ref().map(|head| Skin::new(head, *head_albedo, *center)),
             samples,
         })
+    }
+
+    /// Sets a method, lights as frames trace them, and a field.
+    pub fn show(&mut self, hair: &LitHair, data: &MethodData, field: Option<&Field>) -> Result<()> {
+        let (at, rays) = ((self.stage, &self.medium), crate::quality::rays_for(self.samples));
+        hair.show(at, &mut self.renderer, data, field, rays, &|_| true)
     }
 
     /// A frame and what its shading took.
@@ -217,8 +223,8 @@ pub(super) struct Lit<'a> {
     /// The lights fitted to it, as the tracer takes them.
     pub fitted: Light<'static>,
     pub hair: LitHair,
-    /// The same with reach by rays through the real strands.
-    pub exact: LitHair,
+    /// T̃ and the other means by many rays, of each light at each point.
+    pub exact: Vec<Vec<Words>>,
 }
 
 /// The scene's fibre in a preset's colour.
@@ -298,26 +304,26 @@ pub(super) fn light<'a>(
     let (fit, hair) = fit_lights(view, scene, environment, Settings::of(scene).lights, clock)?;
     let rays = RealStrands::new(view.stage);
     let done = AtomicUsize::new(0);
-    let exact_reach: Option<Vec<Vec<u32>>> = clock.watch("exact reach", |progress| {
+    let exact: Option<Vec<Vec<Words>>> = clock.watch("exact transmittance", |progress| {
         let (lights, points) = (&hair.lights, &view.points);
         lights
             .par_iter()
             .map(|light| {
                 let of = |&i: &u32| match light.rgb {
-                    [0.0, 0.0, 0.0] => 0,
-                    _ => rays.reach(i as usize, light, effort.rays).pack(),
+                    [0.0, 0.0, 0.0] => Words::default(),
+                    _ => rays.moments(i as usize, light, effort.rays).words(),
                 };
-                let reach = points.iter().map(of).collect();
+                let words = points.iter().map(of).collect();
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                progress(done as f32 / lights.len() as f32).then_some(reach)
+                progress(done as f32 / lights.len() as f32).then_some(words)
             })
             .collect()
     });
-    let Some(exact_reach) = exact_reach else { bail!("cancelled") };
+    let Some(exact) = exact else { bail!("cancelled") };
     Ok(Lit {
         map: Light::map(environment, scene.environment.rotation_deg.to_radians(), 1.0)?,
         fitted: Light::lobes(&place_lights(&fit.lights, scene))?,
-        exact: hair.clone().with_reach(exact_reach),
+        exact,
         hair,
     })
 }
@@ -385,7 +391,7 @@ fn picture(
     let mut last: Vec<Option<Frame>> = methods.iter().map(|_| None).collect();
     for round in 0..=effort.frame_rounds {
         for (k, data) in data.iter().enumerate() {
-            lit.hair.show(&mut view.renderer, data, fields[k]);
+            view.show(&lit.hair, data, fields[k])?;
             let (frame, shade_ms) = view.render(ALL)?;
             if round > 0 {
                 times[k].push(shade_ms);
@@ -476,7 +482,7 @@ fn by_lights(
             let field = clock.watch("scattered light", |progress| {
                 hair.field(view.stage, &view.medium, &data, progress)
             })?;
-            hair.show(&mut view.renderer, &data, field.as_ref());
+            view.show(&hair, &data, field.as_ref())?;
             let mut times = Vec::new();
             let mut frame = view.render(ALL)?.0;
             for _ in 0..effort.frame_rounds {

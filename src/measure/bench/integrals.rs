@@ -55,13 +55,13 @@ const WHOLE_LIGHTS: usize = 16;
 
 /// What a frame does at a point: all scattering of [`WHOLE_LIGHTS`] lights around the fibre, of each of which T̃ =
 /// e^−1 arrives, what lights share once, and where the method takes it from there the light along 48 ordinates.
-const WHOLE: &str = "let depth = Depth(1.0, vec2f(-1.0, 0.0));
+const WHOLE: &str = "let known = TransmittanceMoments(exp(-1.0), exp(-0.25), 1.0, 0.6);
     let strand = strand_at(fibre, x[0].x);
     var total = vec3f();
     for (var j = 0u; j < select(16u + 48u, 16u, FORWARD); j++) {
         let lambda = select(0.36, x[1].x, j < 16u);
         let arrival = Arrival(x[0].y, wrap(x[0].z + 0.3 * f32(j)), x[0].w, lambda, srbf_integral(lambda), vec3f(1.0),
-            0.001, exp(-1.0), 0.6, depth, vec3f());
+            0.001, known, vec3f());
         total += light_scattering(fibre, strand, arrival, SINGLE | GLOBAL | LOCAL);
     }
     y[0] = vec4f(total, 0.0);

@@ -42,6 +42,13 @@ impl StrandRay {
         StrandRay { ray, own, clear: CLEAR_RADII * radius as f32 }
     }
 
+    /// From a place on the surface of strand `own`, no farther than `most`; the strand is missed over a path of
+    /// [`CLEAR_RADII`].
+    pub fn along(origin: Vec3, radius: f32, own: u32, omega: Vec3, most: f32) -> StrandRay {
+        let ray = Ray::new(origin.into(), omega.into(), 0.0, most);
+        StrandRay { ray, own, clear: CLEAR_RADII * radius }
+    }
+
     /// The same ray beyond the fibre that it met at `at`.
     pub fn past(&self, at: &FibrePoint) -> StrandRay {
         let (o, d) = (self.ray.origin, self.ray.direction);
@@ -95,16 +102,21 @@ struct Place {
     flat: [bool; 2],
 }
 
-/// Strands relative to a centre, ready to be hit by rays.
+/// The pieces of strands relative to a centre, ready to be hit by rays.
+pub struct StrandBvh {
+    bvh: WideBvh,
+    /// Leaf by leaf.
+    packs: Vec<Pack>,
+    places: Vec<[Place; ITEMS]>,
+}
+
+/// The same with the curves that the pieces are of.
 pub struct Strands<'a> {
     hair: &'a Hair,
     frames: &'a Frames,
     /// Pieces a segment.
     parts: u32,
-    bvh: WideBvh,
-    /// Leaf by leaf.
-    packs: Vec<Pack>,
-    places: Vec<[Place; ITEMS]>,
+    bvh: StrandBvh,
 }
 
 /// Which piece a ray met.
@@ -138,16 +150,15 @@ impl FibrePoint {
     }
 }
 
-impl<'a> Strands<'a> {
-    /// The strands of `hair` with a diameter at each point, every segment in `parts` ≥ 1 straight pieces;
-    /// `center` becomes the origin.
+impl StrandBvh {
+    /// See [`Strands::new`].
     pub fn new(
-        hair: &'a Hair,
+        hair: &Hair,
         diameters: &[f32],
-        frames: &'a Frames,
+        frames: &Frames,
         parts: u32,
         center: Vec3,
-    ) -> Strands<'a> {
+    ) -> StrandBvh {
         let parts = parts.max(1);
         let mut pieces = Vec::new();
         let mut places = Vec::new();
@@ -188,7 +199,7 @@ impl<'a> Strands<'a> {
         let packs = bvh.leaves.iter().map(|items| Pack::new(items.map(|i| pieces.get(i as usize))));
         let place = |i: u32| places.get(i as usize).copied().unwrap_or_default();
         let places = bvh.leaves.iter().map(|items| items.map(place)).collect();
-        Strands { hair, frames, parts, packs: packs.collect(), places, bvh }
+        StrandBvh { packs: packs.collect(), places, bvh }
     }
 
     /// Corners of the box around all strands.
@@ -216,6 +227,42 @@ impl<'a> Strands<'a> {
             if met { f32::NEG_INFINITY } else { bound }
         });
         met
+    }
+
+    /// Pieces before `ray.tmax`, of two that meet one.
+    pub fn count(&self, ray: &StrandRay) -> u32 {
+        let mut count = 0;
+        self.bvh.traverse(&ray.ray, |leaf, bound| {
+            // Each again, with all others of its leaf left out.
+            for lane in 0..ITEMS {
+                count += u32::from(self.meets_in(leaf, lane, ray, bound));
+            }
+            bound
+        });
+        count
+    }
+
+    /// Whether the ray meets this piece, but for the joint at its end.
+    fn meets_in(&self, leaf: usize, lane: usize, from: &StrandRay, bound: f32) -> bool {
+        let (piece, place) = (self.packs[leaf].piece(lane), self.places[leaf][lane]);
+        let (o, d) = (Vec3::from(from.ray.origin), Vec3::from(from.ray.direction));
+        let (offset, edge) = (piece.start.truncate() - o, piece.edge.truncate());
+        let (along, edge_along) = (offset.dot(d), edge.dot(d));
+        let (aside, slant) = (offset - along * d, edge - edge_along * d);
+        let slant2 = slant.length_squared().max(f32::MIN_POSITIVE);
+        let unbound = -aside.dot(slant) / slant2;
+        let s = unbound.clamp(0.0, 1.0);
+        let radius = piece.start.w + s * piece.edge.w;
+        let inside2 = radius * radius - (aside + s * slant).length_squared();
+        if inside2 <= 0.0 || s < unbound || s > unbound && place.flat[0] {
+            return false;
+        }
+        let inside = inside2.sqrt();
+        let slanted = inside * (1.0 + edge_along * edge_along / slant2).sqrt();
+        let deep = if s == unbound { slanted.min(inside + edge_along.abs()) } else { inside };
+        let t = along + s * edge_along - deep;
+        let own = t.abs() < from.clear && place.strand == from.own;
+        t > 0.0 && t < bound && !own
     }
 
     /// Of the pieces of a leaf the one that the ray enters first, and where, if that is before `bound`.
@@ -260,11 +307,41 @@ impl<'a> Strands<'a> {
         }
         nearest
     }
+}
+
+impl<'a> Strands<'a> {
+    /// The strands of `hair` with a diameter at each point, every segment in `parts` ≥ 1 straight pieces;
+    /// `center` becomes the origin.
+    pub fn new(
+        hair: &'a Hair,
+        diameters: &[f32],
+        frames: &'a Frames,
+        parts: u32,
+        center: Vec3,
+    ) -> Strands<'a> {
+        let bvh = StrandBvh::new(hair, diameters, frames, parts, center);
+        Strands { hair, frames, parts: parts.max(1), bvh }
+    }
+
+    /// See [`StrandBvh::bounds`].
+    pub fn bounds(&self) -> (Vec3A, Vec3A) {
+        self.bvh.bounds()
+    }
+
+    /// See [`StrandBvh::closest`].
+    pub fn closest(&self, ray: &StrandRay) -> Option<PieceId> {
+        self.bvh.closest(ray)
+    }
+
+    /// See [`StrandBvh::occluded`].
+    pub fn occluded(&self, ray: &StrandRay) -> bool {
+        self.bvh.occluded(ray)
+    }
 
     /// The fibre where `ray` meets a piece.
     pub fn fibre_point(&self, id: PieceId, ray: &StrandRay) -> FibrePoint {
         let (leaf, lane) = (id.leaf as usize, id.lane as usize);
-        let (piece, place) = (self.packs[leaf].piece(lane), self.places[leaf][lane]);
+        let (piece, place) = (self.bvh.packs[leaf].piece(lane), self.bvh.places[leaf][lane]);
         let origin = DVec3::from(Vec3::from(ray.ray.origin));
         let d = DVec3::from(Vec3::from(ray.ray.direction)).normalize();
         let start = piece.start.truncate().as_dvec3();
