@@ -49,14 +49,21 @@ fn hair_fragment(in: Vertex) -> @location(0) vec4u {
 @group(0) @binding(3) var<storage, read> head_positions: array<vec4f>;
 @group(0) @binding(4) var<storage, read> head_corners: array<u32>;
 
+// Barycentrics of a place within the triangle, at its edge too: beyond it they would be less than 0.
+struct HeadVertex {
+    @builtin(position) clip: vec4f,
+    @location(0) @interpolate(flat) id: u32,
+    @location(1) @interpolate(perspective, centroid) fraction: vec2f,
+}
+
 @vertex
-fn head_vertex(@builtin(vertex_index) vertex: u32) -> Vertex {
+fn head_vertex(@builtin(vertex_index) vertex: u32) -> HeadVertex {
     let corner = vertex % 3u;
     let clip = view.clip_from_pos * vec4f(head_positions[head_corners[vertex]].xyz, 1.0);
-    return Vertex(clip, vertex / 3u, vec2f(f32(corner == 1u), f32(corner == 2u)));
+    return HeadVertex(clip, vertex / 3u, vec2f(f32(corner == 1u), f32(corner == 2u)));
 }
 
 @fragment
-fn head_fragment(in: Vertex) -> @location(0) vec4u {
+fn head_fragment(in: HeadVertex) -> @location(0) vec4u {
     return encode_seen(HEAD, in.id, in.fraction);
 }

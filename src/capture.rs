@@ -97,9 +97,9 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         [lens] if can_be_kept(lens.size) => Some(renderer.look(lens, pieces, settings.samples)?),
         _ => None,
     };
-    let points = match &sight {
-        Some(sight) => sight.points.clone(),
-        None => renderer.visible_points(&lenses, pieces, settings.samples)?,
+    let (points, vertices) = match &sight {
+        Some(sight) => (sight.points.clone(), sight.vertices.clone()),
+        None => renderer.visible(&lenses, pieces, settings.samples)?,
     };
     if points.is_empty() {
         for lens in &lenses {
@@ -121,7 +121,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("field")?;
     clock.watch("transmittance", |progress| {
         let at = (&stage, &medium);
-        lit.show(at, &mut renderer, &method, field.as_ref(), settings.rays, progress)
+        let seen = (&points[..], Some(&vertices[..]));
+        lit.show_at(at, &mut renderer, &method, field.as_ref(), seen, settings.rays, progress)
     })?;
     let gain = 2f64.powf(scene.environment.exposure) as f32;
     renderer.set_environment(

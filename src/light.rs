@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use anyhow::{Result, bail};
+use bytemuck::Zeroable as _;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -12,11 +13,18 @@ use crate::gpu::method::MethodData;
 use crate::head::HeadRays;
 use crate::lamp::Lamp;
 use crate::reference::transmittance::StrandRays;
-use crate::srbf::SrbfLight;
+use crate::srbf::{SrbfLight, lobe_integral};
 use crate::stage::Geometry;
-use crate::transport::draws::Words;
+use crate::transport::draws::{HeadLight, TracedLight, Words};
 use crate::transport::volume::Volume;
 use crate::transport::{Brought, CELLS, Occluders, TransmittanceMoments, near, transport};
+
+/// Lobes wider than this, and lights of less than this share of all energy, throw no shadow on the head that an eye would
+/// miss: a volume of hair does for them.
+const CRISP_LAMBDA: f64 = 0.3;
+const CRISP_SHARE: f64 = 3e-3;
+/// Rays of a light at a vertex of the head.
+const HEAD_RAYS: u32 = 4;
 
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
@@ -216,13 +224,51 @@ impl LitHair {
         lamps.chain(self.lights.iter().copied()).collect()
     }
 
+    /// Lights whose shadows on the head rays find, lamps first: narrow ones that are bright.
+    fn crisp(&self, stage: &Geometry) -> Vec<bool> {
+        let lobes = self.lobes(stage);
+        let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
+        let whole: f64 = lobes.iter().map(power).sum();
+        let of = |(j, light): (usize, &SrbfLight)| {
+            let narrow = light.lambda < CRISP_LAMBDA || j < self.lamps.len();
+            narrow && power(light) > CRISP_SHARE * whole
+        };
+        lobes.iter().enumerate().map(of).collect()
+    }
+
+    /// The crisp ones as rays look for them.
+    fn head_lights(&self, stage: &Geometry, crisp: &[bool]) -> Vec<HeadLight> {
+        let middle = stage.center.as_dvec3();
+        let of_lamps = self.lamps.iter().map(|lamp| {
+            let light = TracedLight::near(lamp, middle).unwrap_or(TracedLight::zeroed());
+            HeadLight { light, rgb: Vec3::from(lamp.radiance.map(|c| c as f32)), energy: -1.0 }
+        });
+        let of_lights = self.lights.iter().map(|light| HeadLight {
+            light: TracedLight::distant(light),
+            rgb: Vec3::from(light.rgb.map(|c| c as f32)),
+            energy: lobe_integral(light.lambda) as f32,
+        });
+        let all = of_lamps.chain(of_lights).zip(crisp).filter(|(_, crisp)| **crisp);
+        let with_rays = |(one, _): (HeadLight, _)| HeadLight {
+            light: TracedLight { rays: HEAD_RAYS, ..one.light },
+            ..one
+        };
+        all.map(with_rays).collect()
+    }
+
     /// Irradiance at the vertices of the head, linear RGB; empty without one.
     pub fn head_irradiance(&self) -> Vec<Vec3> {
+        self.head_irradiance_of(|_| true)
+    }
+
+    /// The same of some of the lights, lamps first.
+    fn head_irradiance_of(&self, counts: impl Fn(usize) -> bool) -> Vec<Vec3> {
         let vertices = self.brought.iter().map(|brought| brought.head.len()).max().unwrap_or(0);
         let mut sums = vec![Vec3::ZERO; vertices];
         let lamps = self.lamps.iter().map(|lamp| lamp.radiance);
         let radiances = lamps.chain(self.lights.iter().map(|light| light.rgb));
-        for (radiance, brought) in radiances.zip(&self.brought) {
+        let all = radiances.zip(&self.brought).enumerate();
+        for (_, (radiance, brought)) in all.filter(|(j, _)| counts(*j)) {
             let rgb = Vec3::from(radiance.map(|c| c as f32));
             sums.iter_mut().zip(&brought.head).for_each(|(sum, &e)| *sum += e * rgb);
         }
@@ -271,10 +317,10 @@ impl LitHair {
         rays: f64,
         progress: Progress,
     ) -> Result<()> {
-        self.show_at(at, renderer, method, field, &self.points, rays, progress)
+        self.show_at(at, renderer, method, field, (&self.points, None), rays, progress)
     }
 
-    /// The same at other points.
+    /// The same at other points, and vertices of the head that is drawn.
     ///
     /// # Errors
     /// See [`Self::show`].
@@ -285,12 +331,15 @@ impl LitHair {
         renderer: &mut Renderer,
         method: &MethodData,
         field: Option<&Field>,
-        points: &[u32],
+        (points, vertices): (&[u32], Option<&[u32]>),
         rays: f64,
         progress: Progress,
     ) -> Result<()> {
         self.set(renderer, method, rays);
         let host = medium.rays(stage, renderer);
+        let crisp = self.crisp(stage);
+        let rest = self.head_irradiance_of(|j| !crisp[j]);
+        renderer.light_head(stage, &rest, &self.head_lights(stage, &crisp), vertices, host);
         if !renderer.trace(stage, points, host, progress)? {
             bail!("cancelled");
         }
@@ -301,30 +350,28 @@ impl LitHair {
     /// The same with T̃ that is known: `words[j][k]` is light j at point k.
     pub fn show_known(
         &self,
+        stage: &Geometry,
         renderer: &mut Renderer,
         method: &MethodData,
         field: Option<&Field>,
         words: &[Vec<Words>],
     ) {
         self.set(renderer, method, 1.0);
+        renderer.light_head(stage, &self.head_irradiance(), &[], None, None);
         renderer.upload(&self.points, words);
         Self::set_field(renderer, field);
     }
 
     /// Sets these lights with their rough T̃ at `points`; method and field stay.
-    pub fn show_coarse(&self, renderer: &mut Renderer, points: &[u32]) {
-        self.set_lights(renderer, 1.0);
+    pub fn show_coarse(&self, stage: &Geometry, renderer: &mut Renderer, points: &[u32]) {
+        renderer.set_lights(&self.lamps, &self.lights, 1.0);
+        renderer.light_head(stage, &self.head_irradiance(), &[], None, None);
         renderer.upload(points, &self.rough);
     }
 
     fn set(&self, renderer: &mut Renderer, method: &MethodData, rays: f64) {
         renderer.set_method(method);
-        self.set_lights(renderer, rays);
-    }
-
-    fn set_lights(&self, renderer: &mut Renderer, rays: f64) {
         renderer.set_lights(&self.lamps, &self.lights, rays);
-        renderer.set_head_irradiance(&self.head_irradiance());
     }
 
     fn set_field(renderer: &mut Renderer, field: Option<&Field>) {

@@ -619,7 +619,7 @@ fn by_hand_latency() {
             session.see(wish, &|| true, &say).unwrap();
             let (begun, spent) = (Instant::now(), cpu_ms());
             if !wish.moving {
-                session.foresee(wish, &|| true);
+                session.idle(wish, &|| true, &|_| {});
             }
             let foreseen = format!("{} ms [{:.0}]", begun.elapsed().as_millis(), cpu_ms() - spent);
             println!("{name}, {what}, then {foreseen}: {}", said.into_inner().unwrap().join("; "));

@@ -25,10 +25,12 @@ use hairlight::reference::tracer::light::Light;
 use hairlight::reference::tracer::skin::Skin;
 use hairlight::reference::tracer::strands::{StrandRay, Strands};
 use hairlight::reference::tracer::{Sampling, TraceScene, trace};
+use hairlight::reference::transmittance::StrandRays;
 use hairlight::scattering::model::Model;
 use hairlight::scene::{Energies, FibreSpec, LampKind, LampSpec, Lens, PRESETS, Scene};
 use hairlight::srbf::{SrbfLight, split_wide};
 use hairlight::stage::{Geometry, suns};
+use hairlight::transport::draws::{HeadLight, HeadVertex, TracedLight};
 use hairlight::transport::near::{self, Between};
 use hairlight::transport::volume::Volume;
 use hairlight::transport::{CELLS, Occluders, transport};
@@ -486,11 +488,11 @@ fn softbox() -> LampSpec {
     LampSpec { azimuth_deg: -40.0, elevation_deg: 20.0, ..spec(LampKind::Softbox, 2.0, 0.6) }
 }
 
-/// Suns from the same sides and about as large are 19 and 12 % off, which the transmittance of cells leaves: README.
+/// What is left of the softbox is its one lobe: README.
 #[test]
 fn single_scattering_under_a_lamp_is_that_of_the_path_tracer() {
     let mut view = View::new("blond");
-    for (name, spec, bar) in [("sphere", sphere(), 0.13), ("softbox", softbox(), 0.2)] {
+    for (name, spec, bar) in [("sphere", sphere(), 0.05), ("softbox", softbox(), 0.09)] {
         let lamp = view.lamp(&spec);
         let truth = view.truth(&[lamp], 1, 64);
         let [own, far] = [near(lamp), distant(&view, lamp)];
@@ -506,7 +508,7 @@ fn single_scattering_under_a_lamp_is_that_of_the_path_tracer() {
             100.0 * error,
             100.0 * worse
         );
-        assert!(error < bar && (ratio - 1.0).abs() < 0.06, "{name}: {error} {ratio}");
+        assert!(error < bar && (ratio - 1.0).abs() < 0.1, "{name}: {error} {ratio}");
         assert!(worse > 2.0 * error, "{name}: {worse}");
         // The baseline sees it too; its integrals are a tenth off.
         if lamp.shape == view.lamp(&sphere()).shape {
@@ -519,7 +521,7 @@ fn single_scattering_under_a_lamp_is_that_of_the_path_tracer() {
             let report = compare(&view.frame(&lit, None, SINGLE), &truth).unwrap();
             view.method = fast;
             println!("by xu {:.1} % off", 100.0 * report.error());
-            assert!(report.error() < bar + 0.1);
+            assert!(report.error() < 0.2);
         }
     }
 }
@@ -625,8 +627,7 @@ impl<'a> Real<'a> {
     }
 }
 
-/// T̃ at strand points and irradiance at vertices of the head. Of a sun from the sphere's side they are 0.046 and 15 % off;
-/// near the head few vertices, through few strands, get most of the sphere's light.
+/// T̃ at strand points and irradiance at vertices of the head.
 #[test]
 fn lamps_come_through_hair_as_rays_do() {
     let (_, stage) = bob(6000);
@@ -638,6 +639,7 @@ fn lamps_come_through_hair_as_rays_do() {
     let lamp = |spec: &LampSpec| Lamp::new(spec, stage.center, stage.radius, 1.0).unwrap();
     let method = MethodData::fast(&FibreSpec::default().resolve(), Model::Marschner, 2);
     let mut renderer = Renderer::new(cpu(), &method, &stage).unwrap();
+    let rays = StrandRays::new(&stage);
     let mut error = |lamp: &Lamp, lights: Lights| {
         let begun = Instant::now();
         let lit = medium.bring(&stage, lights, &points, &|_| true).unwrap();
@@ -654,10 +656,28 @@ fn lamps_come_through_hair_as_rays_do() {
         let count = deltas.len() as f64;
         let mean = deltas.iter().sum::<f64>() / count;
         let off = deltas.iter().map(|d| d.abs()).sum::<f64>() / count;
-        let got = lit.head_irradiance();
-        let pairs: Vec<(f64, f64)> = (vertices.par_iter())
-            .map(|&v| (f64::from(got[v].y), real.irradiance(lamp, v)))
-            .collect();
+        // As frames light it: by rays, to the lamp or to the lobe that stands for it.
+        let light = match lit.lamps.first() {
+            Some(lamp) => HeadLight {
+                light: TracedLight::near(lamp, stage.center.as_dvec3()).unwrap(),
+                rgb: Vec3::from(lamp.radiance.map(|c| c as f32)),
+                energy: -1.0,
+            },
+            None => HeadLight {
+                light: TracedLight::distant(&lit.lights[0]),
+                rgb: Vec3::from(lit.lights[0].rgb.map(|c| c as f32)),
+                energy: hairlight::srbf::lobe_integral(lit.lights[0].lambda) as f32,
+            },
+        };
+        let light = HeadLight { light: TracedLight { rays: 256, ..light.light }, ..light };
+        let head = stage.head.as_ref().unwrap();
+        let got = |v: usize| {
+            let position = head.positions[v] - stage.center;
+            let vertex = HeadVertex { position, vertex: v as u32, normal: head.normals[v], pad: 0 };
+            f64::from(rays.irradiance(&vertex, 1e-3 * stage.radius, &[light]).y)
+        };
+        let pairs: Vec<(f64, f64)> =
+            (vertices.par_iter()).map(|&v| (got(v), real.irradiance(lamp, v))).collect();
         let norm: f64 = pairs.iter().map(|(_, b)| b * b).sum();
         let head: f64 = pairs.iter().map(|(a, b)| (a - b).powi(2)).sum();
         let [a, b] = pairs.iter().fold([0.0; 2], |[x, y], (a, b)| [x + a, y + b]);
@@ -669,10 +689,10 @@ fn lamps_come_through_hair_as_rays_do() {
         );
         (off, head)
     };
-    for (spec, head_bar) in [(sphere(), 0.4), (softbox(), 0.2)] {
+    for spec in [sphere(), softbox()] {
         let lamp = lamp(&spec);
         let (off, head) = error(&lamp, near(lamp));
-        assert!(off < 0.03 && head < head_bar, "{off} {head}");
+        assert!(off < 0.01 && head < 0.08, "{off} {head}");
         // The control: as it is from the middle of the hair.
         let lobe = lamp.lobe(stage.center.as_dvec3());
         let lights = [vec![lobe], split_wide(&[])].concat();

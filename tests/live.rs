@@ -64,7 +64,7 @@ fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
     if let Some(shade_ms) = before.frame.passes.get("shade") {
         assert!(*shade_ms > 0.05 * frame_ms && *shade_ms < frame_ms, "{shade_ms} of {frame_ms}");
     }
-    session.foresee(&now, &|| true);
+    session.idle(&now, &|| true, &|_| {});
     for (name, edit) in edits {
         let mut next = now.clone();
         edit(&mut next);
@@ -74,7 +74,7 @@ fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
         // The control: the edit is seen.
         assert_ne!(picture.rgba, before.rgba, "{name}");
         (now, before) = (next, picture);
-        session.foresee(&now, &|| true);
+        session.idle(&now, &|| true, &|_| {});
     }
     // At rest light was brought to all points: another camera waits for none.
     let mut turned = now.clone();

@@ -115,14 +115,14 @@ fn a_quality_is_shown_as_it_is_captured() {
     };
     let ([width, height], rgba, picked) = shown(&window);
     let line = picked.expect("what was picked");
-    assert!(line.contains("4 lights, 4 samples, 32 cells, 3.0 % negligible"), "{line}");
+    assert!(line.contains("4 lights, 4 samples, 0.5 × rays, 3.0 % negligible"), "{line}");
     std::fs::write(folder.path().join("scene.toml"), scene.to_toml()).unwrap();
     let size = format!("{width}x{height}");
     let flags = ["scene.toml", "--size", &size, "-o", "frame.png", "--stats", "frame.json"];
     let output = capture(folder.path(), &flags);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let made = &json(&folder.path().join("frame.json"))["quality"];
-    assert!(made["cells"] == 32 && made["lights"] == 4, "{made}");
+    assert!(made["rays"] == 0.5 && made["lights"] == 4, "{made}");
     let captured = image::open(folder.path().join("frame.png")).unwrap().into_rgba8();
     let (most, _) = crate::editor::apart(&rgba, captured.as_raw());
     println!("{line}\ngreatest difference {most}");

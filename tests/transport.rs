@@ -1,17 +1,20 @@
 //! Light transport against what is known exactly: analytic slabs, spheres and lobes, and rays.
 
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
-use hairlight::gpu::frame::Renderer;
+use hairlight::gpu::frame::{Background, Parts, Renderer};
 use hairlight::gpu::method::MethodData;
 use hairlight::hair::Hair;
-use hairlight::head::Head;
+use hairlight::head::{FineHead, Head};
+use hairlight::light::HairMedium;
 use hairlight::reference::transmittance::{RealStrands, StrandRays};
 use hairlight::scattering::dual::D_F;
 use hairlight::scattering::model::Model;
 use hairlight::scene::{Energies, FibreSpec, Lens, Scene};
-use hairlight::srbf::{SrbfLight, lobe_integral, sample_lobe};
+use hairlight::srbf::{SrbfLight, lobe_integral, sample_lobe, split_wide};
 use hairlight::stage::Geometry;
-use hairlight::transport::draws::{Rays, pack_means, unpack_means};
+use hairlight::transport::draws::{
+    HeadLight, HeadVertex, Rays, TracedLight, pack_means, unpack_means,
+};
 use hairlight::transport::sheared::{OpticalDepth, Shear};
 use hairlight::transport::volume::Volume;
 use hairlight::transport::{Occluders, lobe_directions, transport};
@@ -550,7 +553,7 @@ fn a_sheet_of_fibres_lets_through_the_right_mean_and_variance() {
         let slab = Fibres::new((tau * 8.0 / FIBRE_DIAMETER) as usize, 1500);
         let exact = f64::from(-tau).exp();
         for device in [false, true] {
-            let t = traced(&slab.stage, &[light(Vec3::Z, 0.001)], 0.2, device);
+            let t = traced(&slab.stage, &[light(Vec3::Z, 1e-5)], 0.2, device);
             let probes: Vec<f64> = slab.probes.iter().map(|&probe| t[0][probe]).collect();
             let mean = probes.iter().sum::<f64>() / probes.len() as f64;
             let variance =
@@ -621,4 +624,115 @@ fn rays_and_volume_find_the_transmittance_of_random_parallel_fibres() {
         let off = (found - f64::from((-tau).exp())).abs();
         assert!(off > 0.035, "a quarter more fibres is told apart: {found}");
     }
+}
+
+/// A square floor of 2 × 2 at y = 0 whose corners alone are vertices.
+fn floor() -> Head {
+    let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z);
+    Head {
+        positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+        normals: vec![Vec3::Y; 4],
+        triangles: vec![[0, 2, 1], [0, 3, 2]],
+    }
+}
+
+#[test]
+fn a_fine_head_is_the_same_surface_with_short_edges() {
+    for (head, longest) in [(floor(), 0.1), (sphere(), 0.03)] {
+        let fine = FineHead::new(&head, longest);
+        let Head { positions, normals, triangles } = &fine.head;
+        let edge = |a: u32, b: u32| positions[a as usize].distance(positions[b as usize]);
+        let area = |head: &Head| -> f64 {
+            let of = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| head.positions[i as usize].as_dvec3());
+                0.5 * (b - a).cross(c - a).length()
+            };
+            head.triangles.iter().map(of).sum()
+        };
+        let mut sides = std::collections::HashMap::new();
+        for t in triangles {
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                assert!(edge(a, b) <= longest * 1.0001);
+                // Each side of a pair runs the other way.
+                *sides.entry((a.min(b), a.max(b))).or_insert(0) += if a < b { 1 } else { -1 };
+            }
+        }
+        let inner = sides.values().filter(|&&sum| sum == 0).count();
+        assert!(inner as f64 > 0.9 * sides.len() as f64, "sides meet: {inner} of {}", sides.len());
+        assert!((area(&fine.head) / area(&head) - 1.0).abs() < 1e-5);
+        assert!(normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5));
+        assert_eq!(fine.head.positions[..head.positions.len()], head.positions);
+        // What is linear over the floor stays so.
+        let values: Vec<Vec3> = head.positions.iter().map(|&p| 2.0 * p + Vec3::ONE).collect();
+        let spread = fine.spread(&values);
+        let off = spread.iter().zip(positions).map(|(v, &p)| v.distance(2.0 * p + Vec3::ONE));
+        assert!(spread.len() > 4 * head.positions.len());
+        assert!(off.fold(0.0, f32::max) < 1e-4);
+        // The control: what there was is too long.
+        assert!(head.triangles.iter().any(|t| {
+            head.positions[t[0] as usize].distance(head.positions[t[1] as usize]) > longest
+        }));
+    }
+}
+
+/// A strand above a floor, and the light straight above: a dark line as wide as the strand. In a frame the device and its
+/// twin agree.
+#[test]
+fn a_strand_throws_a_crisp_shadow_on_the_head() {
+    let mut hair = Hair { offsets: vec![0], ..Hair::default() };
+    hair.points.extend((0..=16).map(|k| Vec3::new(0.0, 0.5, k as f32 / 8.0 - 1.0)));
+    hair.offsets.push(17);
+    hair.thickness = Some(vec![1.0; 17]);
+    let stage = Geometry::new(hair, Some(floor()), 0.2);
+    let rays = StrandRays::new(&stage);
+    let above = light(Vec3::Y, 0.01);
+    let looked_for = HeadLight {
+        light: TracedLight { rays: 16, ..TracedLight::distant(&above) },
+        rgb: Vec3::ONE,
+        energy: lobe_integral(above.lambda) as f32,
+    };
+    let at = |x: f32| {
+        let position = Vec3::new(x, 0.0, 0.3) - stage.center;
+        let vertex = HeadVertex { position, vertex: 7, normal: Vec3::Y, pad: 0 };
+        rays.irradiance(&vertex, 1e-4, &[looked_for]).x / looked_for.energy
+    };
+    for x in [0.0, 0.05, -0.08] {
+        assert_eq!(at(x), 0.0, "{x} lies beneath it");
+    }
+    for x in [0.12, -0.3, 0.9] {
+        assert!((at(x) - 1.0).abs() < 1e-3, "{x}: {}", at(x));
+    }
+    // The same in a frame, from above; dark lights are ordinates.
+    let lights = [vec![above], split_wide(&[])].concat();
+    let medium = HairMedium::new(&stage, true);
+    let lit = medium.bring(&stage, lights, &[0, 1, 2], &|_| true).unwrap();
+    let lens = Lens {
+        eye: DVec3::new(0.0, 6.0, 0.0),
+        forward: DVec3::NEG_Y,
+        right: 0.25 * DVec3::X,
+        up: 0.25 * DVec3::NEG_Z,
+        distance: 6.0,
+        size: [64, 64],
+    };
+    let method = MethodData::fast(&FibreSpec::default().resolve(), Model::Marschner, 2);
+    let frame = |device: bool| {
+        let mut renderer = Renderer::new(cpu(), &method, &stage).unwrap();
+        renderer.trace_on_device = device;
+        let at = (&stage, &medium);
+        lit.show(at, &mut renderer, &method, None, 1.0, &|_| true).unwrap();
+        let parts = Parts { single: true, global: true, local: true };
+        renderer.render(&lens, 4, Background::Transparent, parts).unwrap().pixels
+    };
+    let [host, device] = [false, true].map(frame);
+    let off = host.iter().flatten().zip(device.iter().flatten()).map(|(a, b)| (a - b).abs());
+    let most = host.iter().flatten().copied().fold(0.0, f32::max);
+    let off = off.sum::<f32>() / (host.len() as f32 * most);
+    println!("device and CPU differ by {off:.1e} of the brightest");
+    assert!(off < 1e-3, "{off}");
+    // Across the floor: dark where the strand's shadow is, with no more than two pixels between.
+    let row: Vec<f32> = (0..64).map(|x| host[32 * 64 + x][0]).collect();
+    let full = row[20];
+    let middle = &row[16..48];
+    let between = middle.iter().filter(|&&v| v > 0.1 * full && v < 0.9 * full).count();
+    assert!(full > 0.0 && between <= 4 && row.iter().all(|&v| v >= 0.0), "{row:?}");
 }

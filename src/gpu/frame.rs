@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Result, bail, ensure};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 use wgpu::util::DeviceExt as _;
 
 use super::Gpu;
@@ -14,16 +15,19 @@ use super::resources::*;
 use super::shaders::Shaders;
 use super::timer::PassTimer;
 use super::transmittance::{PointTransmittance, Table, known_table};
-use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform};
+use super::uniforms::{
+    LightEntry, LightingHead, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
+};
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::hair::normals;
+use crate::head::{FineHead, Head};
 use crate::lamp::Lamp;
 use crate::reference::transmittance::StrandRays;
 use crate::scene::Lens;
 use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
 use crate::stage::Geometry;
-use crate::transport::draws::{Rays, Words};
+use crate::transport::draws::{HeadLight, HeadVertex, Rays, Words};
 
 /// What stands behind the hair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,6 +109,8 @@ pub struct Sight {
     work: Work,
     /// Strand points that its frames need, each once.
     pub points: Vec<u32>,
+    /// Vertices of the head that they show.
+    pub vertices: Vec<u32>,
     /// GPU milliseconds that it took, as [`Frame::passes`], of which they are a part.
     passes: BTreeMap<&'static str, f64>,
 }
@@ -118,6 +124,11 @@ pub const NEGLIGIBLE: f64 = 1e-3;
 /// Pixels of a frame that are rendered at a time, in bands of whole rows: a band's sums fill a storage buffer of
 /// WebGPU's default limit, 128 MiB, and its visibility buffer takes 0.4 GiB.
 const BAND_PIXELS: u32 = 8 << 20;
+
+/// Of the hair's radius: longest edge of the head's triangles that are drawn, at whose vertices it is lit; and how far
+/// above it rays start.
+const HEAD_EDGE: f32 = 1.0 / 64.0;
+const HEAD_LIFT: f32 = 2e-5;
 
 /// Points that are shaded between two looks at whether to go on: 0.1 s on two cores.
 const POINTS_A_LOOK: u32 = 4096;
@@ -197,6 +208,9 @@ pub struct Renderer {
     head_positions: wgpu::Buffer,
     head_corners: wgpu::Buffer,
     head_corner_count: u32,
+    fine_head: FineHead,
+    /// Made when first asked for.
+    head_light: Option<wgpu::ComputePipeline>,
     head_radiance: wgpu::Buffer,
     /// Diffuse reflectance of the head, for the light that is set from now on.
     pub head_albedo: Vec3,
@@ -254,11 +268,11 @@ impl Renderer {
             .collect();
         let device = &gpu.device;
         let strand_points = strand_points(device, stage);
-        let (positions, corners): (Vec<Vec4>, Vec<u32>) =
-            head.as_ref().map_or(Default::default(), |head| {
-                let positions = head.positions.iter().map(|&p| (p - center).extend(1.0)).collect();
-                (positions, head.triangles.iter().flatten().copied().collect())
-            });
+        let longest = HEAD_EDGE * stage.radius;
+        let fine_head = head.as_ref().map(|head| FineHead::new(head, longest)).unwrap_or_default();
+        let Head { positions, triangles, .. } = &fine_head.head;
+        let positions: Vec<Vec4> = positions.iter().map(|&p| (p - center).extend(1.0)).collect();
+        let corners: Vec<u32> = triangles.iter().flatten().copied().collect();
         let head_positions = storage(device, "head positions", bytemuck::cast_slice(&positions));
         let head_corners = storage(device, "head corners", bytemuck::cast_slice(&corners));
         let dark = vec![Vec4::ZERO; positions.len()];
@@ -276,6 +290,8 @@ impl Renderer {
             head_positions,
             head_corners,
             head_corner_count: corners.len() as u32,
+            fine_head,
+            head_light: None,
             head_radiance,
             head_albedo: stage.head_albedo,
             negligible: NEGLIGIBLE,
@@ -334,6 +350,7 @@ impl Renderer {
         }
         self.fixed = fixed;
         self.traced.forget_pipelines();
+        self.head_light = None;
         Ok(())
     }
 
@@ -369,7 +386,18 @@ impl Renderer {
         pieces: u32,
         samples: u32,
     ) -> Result<Vec<u32>> {
-        self.look_through(lenses, pieces, samples)?.0.listed(&self.gpu)
+        Ok(self.visible(lenses, pieces, samples)?.0)
+    }
+
+    /// The same, and the vertices of the head that they show.
+    pub fn visible(
+        &mut self,
+        lenses: &[Lens],
+        pieces: u32,
+        samples: u32,
+    ) -> Result<(Vec<u32>, Vec<u32>)> {
+        let work = self.look_through(lenses, pieces, samples)?.0;
+        Ok((work.listed(&self.gpu)?, work.vertices(&self.gpu)?))
     }
 
     fn look_through(
@@ -405,8 +433,9 @@ impl Renderer {
             "a view of {width}x{height} pixels is more than {BAND_PIXELS}: choose a smaller one"
         );
         let (work, sampling, timer) = self.look_through(&[*lens], pieces, samples)?;
-        let (points, passes) = (work.listed(&self.gpu)?, timer.read(&self.gpu)?);
-        Ok(Sight { lens: *lens, sampling, work, points, passes })
+        let (points, vertices) = (work.listed(&self.gpu)?, work.vertices(&self.gpu)?);
+        let passes = timer.read(&self.gpu)?;
+        Ok(Sight { lens: *lens, sampling, work, points, vertices, passes })
     }
 
     /// The frame of what `sight` saw, in the light that is set at its points, as [`Self::render`] makes it. `go_on` is
@@ -418,7 +447,7 @@ impl Renderer {
         parts: Parts,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Option<Frame>> {
-        let Sight { lens, sampling, work, points, passes } = sight;
+        let Sight { lens, sampling, work, points, passes, .. } = sight;
         self.make_ribbons();
         let shading = self.shading(parts, false);
         let shade = self.shading_groups(&self.shading[shading], lens, parts, work);
@@ -678,12 +707,82 @@ impl Renderer {
         pipeline
     }
 
-    /// Sets the irradiance of the head's vertices.
-    pub fn set_head_irradiance(&mut self, irradiance: &[Vec3]) {
+    /// Sets the irradiance of the vertices of the stage's head, and adds that of `lights` at `vertices`, or all, of those
+    /// that are drawn: by rays on the device, or by `rays`.
+    pub fn light_head(
+        &mut self,
+        stage: &Geometry,
+        irradiance: &[Vec3],
+        lights: &[HeadLight],
+        vertices: Option<&[u32]>,
+        rays: Option<&StrandRays>,
+    ) {
         let to_radiance = self.head_albedo / std::f32::consts::PI;
+        let mut irradiance = self.fine_head.spread(irradiance);
+        let all: Vec<u32> = (0..irradiance.len() as u32).collect();
+        let vertices = vertices.unwrap_or(&all);
+        let Head { positions, normals, .. } = &self.fine_head.head;
+        let lift = HEAD_LIFT * stage.radius;
+        let lit = !lights.is_empty() && !vertices.is_empty() && !irradiance.is_empty();
+        let vertex = |vertex: u32| {
+            let position = positions[vertex as usize] - self.center;
+            HeadVertex { position, vertex, normal: normals[vertex as usize], pad: 0 }
+        };
+        if let Some(rays) = rays.filter(|_| lit) {
+            let of = |&place: &u32| rays.irradiance(&vertex(place), lift, lights);
+            let found: Vec<Vec3> = vertices.par_iter().map(of).collect();
+            vertices.iter().zip(found).for_each(|(&at, more)| irradiance[at as usize] += more);
+        }
         let padded: Vec<Vec4> = irradiance.iter().map(|&e| (e * to_radiance).extend(1.0)).collect();
         self.head_radiance =
             storage(&self.gpu.device, "head radiance", bytemuck::cast_slice(&padded));
+        if rays.is_some() || !lit {
+            return;
+        }
+        self.traced.prepare(&self.gpu, stage);
+        let seen: Vec<HeadVertex> = vertices.iter().map(|&place| vertex(place)).collect();
+        let Gpu { device, queue, shaders, .. } = &self.gpu;
+        let pipeline = self.head_light.get_or_insert_with(|| {
+            compute_pipeline(
+                device,
+                &module(device, "head light", &shaders.head_light()),
+                "light_head",
+                &[],
+            )
+        });
+        let Some((buffers, head)) = self.traced.met() else { return };
+        let lighting = LightingHead {
+            vertices: seen.len() as u32,
+            lights: lights.len() as u32,
+            lift,
+            pad: 0,
+            to_radiance,
+            pad_2: 0,
+            head,
+            pad_3: [0; 2],
+        };
+        let mut data = bytemuck::bytes_of(&lighting).to_vec();
+        data.extend_from_slice(bytemuck::cast_slice(lights));
+        let [bvh, items, shapes] = buffers;
+        let of_vertices = storage(device, "head vertices", bytemuck::cast_slice(&seen));
+        let lighting = storage(device, "lighting", &data);
+        let bound =
+            [bvh, items, &self.strand_points, shapes, &of_vertices, &self.head_radiance, &lighting];
+        // Of the strand points the shader needs none.
+        let entries = (0..).zip(bound).filter(|(binding, _)| *binding != 2);
+        let entries: Vec<_> = entries.map(|(binding, bound)| buffer(binding, bound)).collect();
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let mut encoder = device.create_command_encoder(&Default::default());
+        let mut pass = begin(&mut encoder, "head light", None);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups((seen.len() as u32).div_ceil(64), 1, 1);
+        drop(pass);
+        queue.submit([encoder.finish()]);
     }
 
     /// Sets the map behind the hair: turned by `rotation_rad` about +y, multiplied by `scale`.
@@ -857,7 +956,8 @@ impl Renderer {
         let size = [width, band_rows(size)];
         let sampling = Sampling::new(samples, size, edge);
         self.make_ribbons();
-        Ok((Work::new(&self.gpu.device, self.points, size, sampling.grid), sampling))
+        let counts = [self.points, self.fine_head.head.positions.len() as u32];
+        Ok((Work::new(&self.gpu.device, counts, size, sampling.grid), sampling))
     }
 
     /// Rasterises a pass and lists the points that it needs.
@@ -880,7 +980,13 @@ impl Renderer {
     }
 
     fn mark_groups(&self, work: &Work) -> [wgpu::BindGroup; 2] {
-        let mark = [texture(0, &work.visibility), buffer(1, &work.marks), buffer(2, &work.needed)];
+        let mark = [
+            texture(0, &work.visibility),
+            buffer(1, &work.marks),
+            buffer(2, &work.needed),
+            buffer(3, &work.head_marks),
+            buffer(4, &self.head_corners),
+        ];
         [
             self.bind_at(&self.fixed.mark, &mark),
             self.bind_at(&self.fixed.plan, &[buffer(2, &work.needed)]),
@@ -1119,6 +1225,7 @@ struct Work {
     visibility: wgpu::TextureView,
     depth: wgpu::TextureView,
     marks: wgpu::Buffer,
+    head_marks: wgpu::Buffer,
     needed: wgpu::Buffer,
     radiance: wgpu::Buffer,
     sum: wgpu::Buffer,
@@ -1126,7 +1233,7 @@ struct Work {
 }
 
 impl Work {
-    fn new(device: &wgpu::Device, points: u32, size: [u32; 2], grid: u32) -> Work {
+    fn new(device: &wgpu::Device, counts: [u32; 2], size: [u32; 2], grid: u32) -> Work {
         let texels = size.map(|s| grid * s);
         let target = |label, format, usage| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
@@ -1153,7 +1260,7 @@ impl Work {
                 mapped_at_creation: false,
             })
         };
-        let points = u64::from(points);
+        let [points, vertices] = counts.map(u64::from);
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let (nothing, read) = (wgpu::BufferUsages::empty(), wgpu::BufferUsages::COPY_SRC);
         let again = read | wgpu::BufferUsages::COPY_DST;
@@ -1164,11 +1271,18 @@ impl Work {
             visibility: target("visibility", VISIBILITY, wgpu::TextureUsages::TEXTURE_BINDING),
             depth: target("depth", DEPTH, wgpu::TextureUsages::empty()),
             marks: zeros("marks", 4 * points, nothing),
+            head_marks: zeros("head marks", 4 * vertices, read),
             needed: zeros("needed", NEEDED_LIST + 4 * points, listed),
             radiance: zeros("radiance", 16 * points, read),
             sum: zeros("sum", 16 * pixels, again),
             hair_sum: zeros("hair sum", 4 * pixels, again),
         }
+    }
+
+    /// The vertices of the head that were seen so far.
+    fn vertices(&self, gpu: &Gpu) -> Result<Vec<u32>> {
+        let marks: Vec<u32> = gpu.read(&self.head_marks)?;
+        Ok((0..).zip(marks).filter(|(_, mark)| *mark != 0).map(|(vertex, _)| vertex).collect())
     }
 
     /// The points listed so far.

@@ -17,17 +17,19 @@ macro_rules! files {
 }
 
 /// Every file, by its path in shaders/.
-const FILES: [(&str, &str); 25] = files![
+const FILES: [(&str, &str); 27] = files![
     "angles.wgsl",
     "arrival.wgsl",
     "azimuth_table.wgsl",
     "azimuthal.wgsl",
     "deon.wgsl",
+    "draws.wgsl",
     "dual.wgsl",
     "exact.wgsl",
     "fast.wgsl",
     "fibre.wgsl",
     "gaussian.wgsl",
+    "head_light.wgsl",
     "lamp.wgsl",
     "longitudinal.wgsl",
     "mark.wgsl",
@@ -144,7 +146,12 @@ impl Shaders {
 
     /// Entry point `transmittance`.
     pub fn transmittance(&self) -> String {
-        self.join(&["angles.wgsl", "occlusion.wgsl", "transmittance.wgsl"])
+        self.join(&["angles.wgsl", "occlusion.wgsl", "draws.wgsl", "transmittance.wgsl"])
+    }
+
+    /// Entry point `light_head`.
+    pub fn head_light(&self) -> String {
+        self.join(&["angles.wgsl", "lamp.wgsl", "occlusion.wgsl", "draws.wgsl", "head_light.wgsl"])
     }
 
     /// A shader with `single_scattering` by dense quadrature (shaders/exact.wgsl), for judging the rest of a method.
@@ -160,11 +167,12 @@ impl Shaders {
     }
 
     /// Every pass's shader with its name.
-    pub fn passes(&self) -> [(&'static str, String); 7] {
+    pub fn passes(&self) -> [(&'static str, String); 8] {
         [
             ("raster", self.raster()),
             ("mark", self.mark()),
             ("transmittance", self.transmittance()),
+            ("head light", self.head_light()),
             ("shade, fast", self.shade(Integrator::Fast(Model::Marschner))),
             ("shade, fast, deon", self.shade(Integrator::Fast(Model::Deon))),
             ("shade, xu", self.shade(Integrator::Xu)),

@@ -62,6 +62,21 @@ pub(super) struct Group {
     host: Vec<u32>,
 }
 
+impl Group {
+    fn copy(&self, gpu: &Gpu) -> Group {
+        let words = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("transmittance"),
+            size: self.words.size(),
+            usage: WORDS_USAGE,
+            mapped_at_creation: false,
+        });
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&self.words, 0, &words, 0, words.size());
+        gpu.queue.submit([encoder.finish()]);
+        Group { words, host: self.host.clone(), ..*self }
+    }
+}
+
 /// Words of points as shading reads them.
 pub(super) struct Table {
     pub groups: Vec<Group>,
@@ -121,6 +136,8 @@ pub struct PointTransmittance {
     /// By light from the last to the first.
     columns: Vec<Column>,
     pub(super) table: Table,
+    /// The words before rays were added.
+    plain: Option<Vec<Group>>,
     capacity: u32,
     /// When each slot was traced last.
     times: Vec<u64>,
@@ -141,6 +158,7 @@ impl PointTransmittance {
             strands: strands.collect(),
             columns: Vec::new(),
             table: Table::new(gpu, stage.hair.points.len()),
+            plain: None,
             capacity: 0,
             times: Vec::new(),
             now: 0,
@@ -151,6 +169,7 @@ impl PointTransmittance {
     /// Forgets all T̃: strands have other diameters.
     pub fn forget(&mut self) {
         self.device = None;
+        self.plain = None;
         self.times.clear();
         self.table.slot_of.fill(NO_SLOT);
         self.table.groups.clear();
@@ -183,14 +202,7 @@ impl PointTransmittance {
         self.now += 1;
         let middle = center.as_dvec3();
         let of_lamps = lamps.iter().filter_map(|lamp| {
-            let (place, size, side) = lamp.place()?;
-            let light = TracedLight {
-                direction: (place - middle).as_vec3(),
-                lambda: size as f32,
-                side: side.as_vec3(),
-                lamp: 1,
-                ..bytemuck::Zeroable::zeroed()
-            };
+            let light = TracedLight::near(lamp, middle)?;
             Some((Some(Form::Lamp(lamp.shape)), light))
         });
         let of_lights = lights.iter().map(|one| {
@@ -223,7 +235,8 @@ impl PointTransmittance {
         self.columns.len() as u32
     }
 
-    /// Traces what is not known yet of the lights at `points`. False where `progress` said no: what was traced is kept.
+    /// Traces what is not known yet of the lights at `points`, and takes back rays that were added, so that what is shown
+    /// does not depend on what was shown before. False where `progress` said no: what was traced is kept.
     ///
     /// # Errors
     /// The device was lost.
@@ -235,6 +248,9 @@ impl PointTransmittance {
         host: Host,
         progress: Progress,
     ) -> Result<bool> {
+        if let Some(plain) = self.plain.take() {
+            self.table.groups = plain;
+        }
         self.make_room(gpu, points);
         // In the order of the strands, so that blocks are whole.
         let mut points = points.to_vec();
@@ -292,6 +308,10 @@ impl PointTransmittance {
         host: Host,
         progress: Progress,
     ) -> Result<bool> {
+        if self.plain.is_none() {
+            let copies = self.table.groups.iter().map(|group| group.copy(gpu)).collect();
+            self.plain = Some(copies);
+        }
         let mut points = points.to_vec();
         points.sort_unstable();
         let mut done = 0;
@@ -532,6 +552,12 @@ impl PointTransmittance {
                 head,
             });
         }
+    }
+
+    /// Nodes, items and shapes on the device, and [`RayBvh::head`], once [`Self::prepare`]d.
+    pub(super) fn met(&self) -> Option<([&wgpu::Buffer; 3], [u32; 2])> {
+        let device = self.device.as_ref()?;
+        Some(([&device.bvh, &device.items, &device.shapes], device.head))
     }
 
     fn pipeline(&mut self, gpu: &Gpu) -> wgpu::ComputePipeline {

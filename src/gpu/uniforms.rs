@@ -122,6 +122,20 @@ pub struct TracingHead {
     pub head: [u32; 2],
 }
 
+/// `Lighting` of shaders/head_light.wgsl, before its lights.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct LightingHead {
+    pub vertices: u32,
+    pub lights: u32,
+    pub lift: f32,
+    pub pad: u32,
+    pub to_radiance: Vec3,
+    pub pad_2: u32,
+    pub head: [u32; 2],
+    pub pad_3: [u32; 2],
+}
+
 /// Byte offsets in `Needed` (shaders/mark.wgsl).
 pub const NEEDED_DISPATCH: u64 = 16;
 pub const NEEDED_LIST: u64 = 28;

@@ -5,6 +5,7 @@ mod obj;
 mod orient;
 mod place;
 mod rays;
+mod refine;
 mod up;
 
 use glam::Vec3;
@@ -12,6 +13,7 @@ use glam::Vec3;
 pub use obj::{LoadedHead, load};
 pub use place::{Fit, Placement, Surface, Wanted, fit_builtin};
 pub use rays::HeadRays;
+pub use refine::FineHead;
 pub use up::{Up, check_scale};
 
 /// Diffuse reflectance of a head of which nothing else is said, linear RGB: warm clay.

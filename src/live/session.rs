@@ -38,6 +38,8 @@ const HURRY_NEGLIGIBLE: f64 = 0.03;
 /// Narrow lights that are brought through hair anew while the light turns; others are shared out among ordinates, which
 /// stay where they are.
 const HURRY_LIGHTS: usize = 6;
+/// While nothing moves, rays are added until there are so many times as many as at first.
+const MOST_RAYS: u32 = 16;
 /// Of rest before it is made what the next pictures may take; what T̃ of points that nothing shows yet may take.
 const FORESEE_AFTER: Duration = Duration::from_millis(300);
 const FORESEEN_BYTES: usize = 256 << 20;
@@ -225,9 +227,9 @@ impl Session {
         self.using = None;
     }
 
-    /// Makes what the next pictures may take, while nothing else is asked for, so that they need not wait for it.
-    pub fn foresee(&mut self, wish: &Wish, go_on: GoOn) {
-        let scene = &wish.scene;
+    /// While nothing else is asked for: adds rays to the picture of `wish`, which is whole, until its T̃ stands still, and
+    /// makes what the next pictures may take, so that they need not wait for it.
+    pub fn idle(&mut self, wish: &Wish, go_on: GoOn, say: Say) {
         let begun = Instant::now();
         while begun.elapsed() < FORESEE_AFTER {
             if !go_on() {
@@ -235,13 +237,58 @@ impl Session {
             }
             std::thread::sleep(Duration::from_millis(5));
         }
+        self.foresee_lighting(wish, go_on);
+        let mut rays = 1;
+        // Given up, what was traced is kept.
+        while rays < MOST_RAYS && matches!(self.add_rays(wish, rays, go_on, say), Ok(true)) {
+            rays *= 2;
+        }
+        self.foresee_points(go_on);
+    }
+
+    /// Doubles the rays of the whole picture, of which each light has `rays` times as many as it was shown with at first;
+    /// false where it was given up.
+    fn add_rays(&mut self, wish: &Wish, rays: u32, go_on: GoOn, say: Say) -> Result<bool> {
+        let begun = Instant::now();
+        let scene = &wish.scene;
+        let settings = self.settings(scene);
+        let turned = (self.lights, scene.environment.rotation_deg, scene.lamps);
+        let Some(sight) = self.sight.as_ref().map(|sight| sight.it.clone()) else {
+            return Ok(false);
+        };
+        if self.whole.is_none() || self.hurry_ready.is_some() {
+            return Ok(false);
+        }
+        let Some((body, renderer, ..)) = self.parts(turned) else { return Ok(false) };
+        let host = body.medium.rays(&body.stage, renderer);
+        if !renderer.add_rays(&body.stage, &sight.points, rays, host, &|_| go_on())? {
+            return Ok(false);
+        }
+        let (background, asked) = (live_background(scene), parts(scene.render.scattering));
+        let frame = renderer.render_seen(&sight, background, asked, go_on)?;
+        let Some(frame) = frame else { return Ok(false) };
+        let lens = lens(&body.stage, scene, wish.size)?;
+        let [width, height] = wish.size;
+        let quality = format!(
+            "{width} × {height}, {} samples, {} points, {} × rays",
+            settings.samples,
+            sight.points.len(),
+            2 * rays
+        );
+        let figures = Some(self.figures(scene, &settings, &frame, &lens)?);
+        self.say_picture(wish, frame, &lens, How { ms: ms_since(begun), quality, figures }, say)?;
+        Ok(true)
+    }
+
+    /// What the first hurried pictures take: of another camera, and of light that turns.
+    fn foresee_lighting(&mut self, wish: &Wish, go_on: GoOn) {
+        let scene = &wish.scene;
         let Some(Made { it: body, .. }) = self.body.as_ref().filter(|body| !body.it.stale) else {
             return;
         };
         let (stage, Some(fine), Some(light)) = (&body.stage, &mut self.fine, &self.light) else {
             return;
         };
-        // What the first hurried pictures take: of another camera, and of light that turns.
         let (_, points) = hurried_points(stage);
         body.medium.compute_coarse(stage, &mut fine.it, &points);
         let coarse = self.coarse.get_or_insert_with(|| not_lit(scene));
@@ -253,16 +300,22 @@ impl Session {
             body.medium.compute_coarse(stage, &mut coarse.it, &points);
             coarse.from = fine.from;
         }
-        // What any whole picture of another camera takes.
+    }
+
+    /// T̃ that any whole picture of another camera takes.
+    fn foresee_points(&mut self, go_on: GoOn) {
+        let (Some(body), Some(fine), Some(renderer)) = (&self.body, &self.fine, &mut self.gpu)
+        else {
+            return;
+        };
+        let Body { stage, medium, stale, .. } = &body.it;
         let points = stage.hair.points.len();
-        if let Some(Made { it: renderer, .. }) = &mut self.gpu
-            && self.whole.is_some()
-            && 4 * points * fine.it.brought.len() <= FORESEEN_BYTES
-        {
+        let fits = 4 * points * fine.it.brought.len() <= FORESEEN_BYTES;
+        if fits && !stale && self.whole.is_some() && self.hurry_ready.is_none() {
             let all: Vec<u32> = (0..points as u32).collect();
-            let rays = body.medium.rays(stage, renderer);
+            let rays = medium.rays(stage, &renderer.it);
             // Given up, what was traced is kept.
-            let _ = renderer.foresee(stage, &all, rays, &|_| go_on());
+            let _ = renderer.it.foresee(stage, &all, rays, &|_| go_on());
         }
     }
 
@@ -620,7 +673,7 @@ impl Session {
             body.medium.compute_coarse(stage, lit, &points);
             renderer.set_thinning(thinning as u32);
             renderer.negligible = HURRY_NEGLIGIBLE;
-            lit.show_coarse(renderer, &points);
+            lit.show_coarse(stage, renderer, &points);
         }
         if !asked.multiple() {
             renderer.clear_field();
@@ -680,7 +733,8 @@ impl Session {
         let Some((body, renderer, lit, method)) = self.parts(turned) else { bail!("no hair") };
         let shown = field.as_ref().and_then(|made| made.it.as_ref());
         let at = (&*body.stage, &body.medium);
-        let lit = lit.show_at(at, renderer, method, shown, &sight.points, settings.rays, &|done| {
+        let seen = (&sight.points[..], Some(&sight.vertices[..]));
+        let lit = lit.show_at(at, renderer, method, shown, seen, settings.rays, &|done| {
             say(Said::Progress("light through hair", done));
             go_on()
         });

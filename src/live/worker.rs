@@ -30,7 +30,7 @@ impl Worker {
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Worker {
         let mut session = Session::default();
         Worker::with(wake, move |wish, go_on, say| match session.see(wish, go_on, say) {
-            Ok(true) if !wish.moving => session.foresee(wish, go_on),
+            Ok(true) if !wish.moving => session.idle(wish, go_on, say),
             Ok(_) => {}
             Err(error) => say(session.refusal(&wish.scene, &error)),
         })

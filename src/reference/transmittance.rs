@@ -8,14 +8,14 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::tracer::skin::Skin;
-use super::tracer::strands::{StrandBvh, StrandRay, Strands};
+use super::tracer::strands::{NO_STRAND, StrandBvh, StrandRay, Strands};
 use crate::head::HeadRays;
 use crate::scattering::dual::D_F;
 use crate::scene::Lens;
 use crate::srbf::{SrbfLight, sample_lobe};
 use crate::stage::Geometry;
 use crate::transport::TransmittanceMoments;
-use crate::transport::draws::{self, Block, TracedLight, Words};
+use crate::transport::draws::{self, Block, HeadLight, HeadVertex, TracedLight, Words};
 
 /// Rays for one T̃: their own noise is 0.03 at most, and that of a pixel's mean a third of it.
 const RAYS: usize = 256;
@@ -41,6 +41,31 @@ impl StrandRays {
             strands: StrandBvh::new(hair, diameters, frames, 1, *center),
             head: head.as_ref().map(|head| HeadRays::new(head, *center)),
         }
+    }
+
+    /// Irradiance, linear RGB, that comes of `lights` to a vertex of the head; rays start `lift` above it.
+    pub fn irradiance(&self, vertex: &HeadVertex, lift: f32, lights: &[HeadLight]) -> Vec3 {
+        let HeadVertex { position, vertex, normal, .. } = *vertex;
+        let origin = position + lift * normal;
+        let of = |one: &HeadLight| {
+            let light = &one.light;
+            let mut sum = 0.0;
+            for k in 0..light.rays {
+                let aim = draws::aim(light, origin, draws::draw_of(vertex, 0, k));
+                let cosine = normal.dot(aim.direction);
+                if cosine <= 0.0 || aim.distance <= 0.0 {
+                    continue;
+                }
+                let ray = StrandRay::along(origin, 0.0, NO_STRAND, aim.direction, aim.distance);
+                let open = !self.strands.occluded(&ray)
+                    && !self.head.as_ref().is_some_and(|head| head.occluded(&ray.ray));
+                sum += if open { cosine } else { 0.0 };
+            }
+            let energy =
+                if one.energy < 0.0 { draws::solid_angle(light, origin) } else { one.energy };
+            energy * sum / light.rays as f32 * one.rgb
+        };
+        lights.iter().map(of).sum()
     }
 
     /// Adds the rays that `light` asks for to the words of a block of `points`; `counts`: whether to count strands.
@@ -72,8 +97,8 @@ impl StrandRays {
                 |ray: &StrandRay| !self.head.as_ref().is_some_and(|head| head.occluded(&ray.ray));
             let counted = counts.then(|| {
                 let left = f32::from(u8::from(aim.distance > 0.0 && seen(&ray)));
-                let strands = self.strands.count(&ray);
-                let behind = self.strands.count(&leave(-aim.direction, f32::INFINITY));
+                let strands = self.strands.count(&ray, false);
+                let behind = self.strands.count(&leave(-aim.direction, f32::INFINITY), true);
                 [left, left * 0.75f32.powi(strands as i32), 0.5f32.powi(behind as i32)]
             });
             let open = aim.distance > 0.0 && !self.strands.occluded(&ray) && seen(&ray);

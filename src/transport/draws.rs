@@ -4,9 +4,10 @@
 use std::f32::consts::TAU;
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::hair::normals;
+use crate::lamp::{Lamp, Shape};
 use crate::srbf::SrbfLight;
 
 /// Rays for a point of all lights together, at 16 samples a pixel.
@@ -77,6 +78,18 @@ pub struct TracedLight {
 }
 
 impl TracedLight {
+    /// A lamp near the hair, whose centre is `middle` (world); None of a sun.
+    pub fn near(lamp: &Lamp, middle: DVec3) -> Option<TracedLight> {
+        let (place, size, side) = lamp.place()?;
+        Some(TracedLight {
+            direction: (place - middle).as_vec3(),
+            lambda: size as f32,
+            side: side.as_vec3(),
+            lamp: 1,
+            ..TracedLight::zeroed()
+        })
+    }
+
     /// A distant light.
     pub fn distant(light: &SrbfLight) -> TracedLight {
         TracedLight {
@@ -85,6 +98,28 @@ impl TracedLight {
             ..TracedLight::zeroed()
         }
     }
+}
+
+/// A light that the head's vertices look for by rays: `HeadLight` of shaders/head_light.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct HeadLight {
+    pub light: TracedLight,
+    /// L_j, linear RGB.
+    pub rgb: Vec3,
+    /// E_j = ∫G_j dω; below 0 of a lamp near the hair, whose solid angle stands for it.
+    pub energy: f32,
+}
+
+/// A vertex of the head: `HeadVertex` of shaders/head_light.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct HeadVertex {
+    /// Relative to the hair's centre.
+    pub position: Vec3,
+    pub vertex: u32,
+    pub normal: Vec3,
+    pub pad: u32,
 }
 
 /// Points that follow each other on a strand and share their rays: `Block` of shaders/transmittance.wgsl.
@@ -157,6 +192,17 @@ pub fn aim(light: &TracedLight, p: Vec3, [x, y, _]: [f32; 3]) -> Aim {
         }
         _ => lamp_aim(light.direction, light.lambda, light.side, p, [x, y]),
     }
+}
+
+/// Solid angle that a lamp near the hair covers from `p`, sr.
+pub fn solid_angle(light: &TracedLight, p: Vec3) -> f32 {
+    let (center, half) = (light.direction.as_dvec3(), f64::from(light.lambda));
+    let shape = match light.side == Vec3::ZERO {
+        true => Shape::Sphere { center, radius: half },
+        false => Shape::Softbox { center, half },
+    };
+    let lamp = Lamp { shape, toward: center.normalize(), radiance: [1.0; 3] };
+    lamp.solid_angle(p.as_dvec3()) as f32
 }
 
 /// At 1 − cosine `drop` and azimuth 2πu about `axis`.

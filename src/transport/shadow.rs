@@ -16,8 +16,8 @@ pub struct HeadShadow {
     bias: f32,
 }
 
-/// Texels along the longer side of a shadow map. 128 resolves 2 mm on a head.
-const RESOLUTION: f32 = 128.0;
+/// Texels along the longer side of a shadow map. 192 resolves 1.5 mm on a head.
+const RESOLUTION: f32 = 192.0;
 
 impl HeadShadow {
     /// `vertices` in cells. Triangles shade from either side. `bias` in cells.

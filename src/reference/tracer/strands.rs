@@ -229,13 +229,12 @@ impl StrandBvh {
         met
     }
 
-    /// Pieces before `ray.tmax`, of two that meet one.
-    pub fn count(&self, ray: &StrandRay) -> u32 {
+    /// Pieces that the ray enters before `ray.tmax` or, with `leaves`, that it leaves; of two that meet one.
+    pub fn count(&self, ray: &StrandRay, leaves: bool) -> u32 {
         let mut count = 0;
         self.bvh.traverse(&ray.ray, |leaf, bound| {
-            // Each again, with all others of its leaf left out.
             for lane in 0..ITEMS {
-                count += u32::from(self.meets_in(leaf, lane, ray, bound));
+                count += u32::from(self.meets_in(leaf, lane, ray, leaves));
             }
             bound
         });
@@ -243,7 +242,7 @@ impl StrandBvh {
     }
 
     /// Whether the ray meets this piece, but for the joint at its end.
-    fn meets_in(&self, leaf: usize, lane: usize, from: &StrandRay, bound: f32) -> bool {
+    fn meets_in(&self, leaf: usize, lane: usize, from: &StrandRay, leaves: bool) -> bool {
         let (piece, place) = (self.packs[leaf].piece(lane), self.places[leaf][lane]);
         let (o, d) = (Vec3::from(from.ray.origin), Vec3::from(from.ray.direction));
         let (offset, edge) = (piece.start.truncate() - o, piece.edge.truncate());
@@ -260,9 +259,9 @@ impl StrandBvh {
         let inside = inside2.sqrt();
         let slanted = inside * (1.0 + edge_along * edge_along / slant2).sqrt();
         let deep = if s == unbound { slanted.min(inside + edge_along.abs()) } else { inside };
-        let t = along + s * edge_along - deep;
+        let t = along + s * edge_along + if leaves { deep } else { -deep };
         let own = t.abs() < from.clear && place.strand == from.own;
-        t > 0.0 && t < bound && !own
+        t > 0.0 && t < from.ray.tmax && !own
     }
 
     /// Of the pieces of a leaf the one that the ray enters first, and where, if that is before `bound`.

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use glam::{Vec3A, Vec4};
 use obvhs::{aabb::Aabb, ray::Ray};
+use rayon::prelude::*;
 
 pub use crate::bvh::ITEMS;
 use crate::bvh::{self, Item, split, union};
@@ -52,50 +53,71 @@ impl Group {
     }
 }
 
+/// Subtrees of more items are built on threads of their own.
+const PARALLEL: usize = 8192;
+
 impl WideBvh {
     pub fn new(boxes: &[Aabb]) -> WideBvh {
         let mut items = bvh::items(boxes);
-        let all = Group::new(&items, 0..items.len());
-        let mut wide = WideBvh { nodes: Vec::new(), bounds: all.aabb, leaves: Vec::new() };
         if boxes.is_empty() {
-            return wide;
+            return WideBvh { nodes: Vec::new(), bounds: Aabb::INVALID, leaves: Vec::new() };
         }
-        wide.nodes.push(Node::EMPTY);
-        // Depth first, so that what is near in space is near in memory.
-        let mut waiting = vec![(0, 0, all)];
-        while let Some((at, depth, group)) = waiting.pop() {
-            let mut groups = vec![group];
-            while groups.len() < CHILDREN {
-                let area = |group: &Group| group.aabb.half_area();
-                let widest = (0..groups.len())
-                    .filter(|&i| groups[i].items.len() > ITEMS)
-                    .max_by(|&i, &j| area(&groups[i]).total_cmp(&area(&groups[j])));
-                let Some(i) = widest else { break };
-                let range = groups[i].items.clone();
-                let middle = range.start + split(&mut items[range.clone()], depth < DEPTH, ITEMS);
-                groups[i] = Group::new(&items, range.start..middle);
-                groups.push(Group::new(&items, middle..range.end));
-            }
-            let mut node = Node::EMPTY;
-            for (lane, group) in groups.into_iter().enumerate() {
-                for axis in 0..3 {
-                    node.sides[axis][0][lane / 4][lane % 4] = group.aabb.min[axis];
-                    node.sides[axis][1][lane / 4][lane % 4] = group.aabb.max[axis];
+        Self::subtree(&mut items, 0)
+    }
+
+    /// Of these items, at a depth; its first node is the root. Depth first, so that what is near in space is near in memory.
+    fn subtree(items: &mut [Item], depth: usize) -> WideBvh {
+        let all = Group::new(items, 0..items.len());
+        let bounds = all.aabb;
+        let mut groups = vec![all];
+        while groups.len() < CHILDREN {
+            let area = |group: &Group| group.aabb.half_area();
+            let widest = (0..groups.len())
+                .filter(|&i| groups[i].items.len() > ITEMS)
+                .max_by(|&i, &j| area(&groups[i]).total_cmp(&area(&groups[j])));
+            let Some(i) = widest else { break };
+            let range = groups[i].items.clone();
+            let middle = range.start + split(&mut items[range.clone()], depth < DEPTH, ITEMS);
+            groups[i] = Group::new(items, range.start..middle);
+            groups.push(Group::new(items, middle..range.end));
+        }
+        groups.sort_by_key(|group| group.items.start);
+        let parallel = items.len() > PARALLEL;
+        let (mut rest, mut slices) = (items, Vec::new());
+        for group in &groups {
+            let (own, after) = rest.split_at_mut(group.items.len());
+            slices.push(own);
+            rest = after;
+        }
+        let below =
+            |own: &mut &mut [Item]| (own.len() > ITEMS).then(|| Self::subtree(own, depth + 1));
+        let below: Vec<Option<WideBvh>> = match parallel {
+            true => slices.par_iter_mut().map(below).collect(),
+            false => slices.iter_mut().map(below).collect(),
+        };
+        let mut wide = WideBvh { nodes: vec![Node::EMPTY], bounds, leaves: Vec::new() };
+        for (lane, ((group, own), below)) in groups.iter().zip(&slices).zip(below).enumerate() {
+            let (nodes, leaves) = (wide.nodes.len() as u32, wide.leaves.len() as u32);
+            let child = match below {
+                Some(below) => {
+                    let moved = below.nodes.into_iter().map(|node| node.moved(nodes, leaves));
+                    wide.nodes.extend(moved);
+                    wide.leaves.extend(below.leaves);
+                    nodes
                 }
-                if group.items.len() <= ITEMS {
-                    node.children[lane] = LEAF | wide.leaves.len() as u32;
+                None => {
                     let mut leaf = [NO_ITEM; ITEMS];
-                    for (place, item) in leaf.iter_mut().zip(&items[group.items]) {
-                        *place = item.index;
-                    }
+                    leaf.iter_mut().zip(own.iter()).for_each(|(place, item)| *place = item.index);
                     wide.leaves.push(leaf);
-                } else {
-                    node.children[lane] = wide.nodes.len() as u32;
-                    waiting.push((wide.nodes.len(), depth + 1, group));
-                    wide.nodes.push(Node::EMPTY);
+                    LEAF | leaves
                 }
+            };
+            let root = &mut wide.nodes[0];
+            root.children[lane] = child;
+            for axis in 0..3 {
+                root.sides[axis][0][lane / 4][lane % 4] = group.aabb.min[axis];
+                root.sides[axis][1][lane / 4][lane % 4] = group.aabb.max[axis];
             }
-            wide.nodes[at] = node;
         }
         wide
     }
@@ -156,6 +178,14 @@ impl WideBvh {
 }
 
 impl Node {
+    /// With so many nodes and leaves before its own.
+    fn moved(mut self, nodes: u32, leaves: u32) -> Node {
+        for child in &mut self.children {
+            *child += if *child & LEAF == 0 { nodes } else { leaves };
+        }
+        self
+    }
+
     /// No ray meets its boxes.
     const EMPTY: Node = Node {
         sides: [[[Vec4::INFINITY; 2], [Vec4::NEG_INFINITY; 2]]; 3],

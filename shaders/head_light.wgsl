@@ -1,0 +1,59 @@
+// Irradiance of the head's vertices from lights that are narrow and bright, by rays; the rest comes from a volume
+// (src/light.rs). Twin: StrandRays::irradiance of src/reference/transmittance.rs.
+
+struct HeadLight {
+    light: TracedLight,     // `column` is not used
+    rgb: vec3f,             // L_j
+    energy: f32,            // E_j = ∫G_j dω; of a lamp near the hair less than 0: its solid angle is found here
+}
+
+struct HeadVertex {
+    position: vec3f,
+    vertex: u32,
+    normal: vec3f,
+    pad: u32,
+}
+
+struct Lighting {
+    vertices: u32,
+    lights: u32,
+    lift: f32,              // rays start so far above the surface
+    pad: u32,
+    to_radiance: vec3f,     // albedo over π
+    head: vec2u,            // as Tracing has it
+    light: array<HeadLight>,
+}
+
+@group(0) @binding(4) var<storage, read> head_vertices: array<HeadVertex>;
+@group(0) @binding(5) var<storage, read_write> head_radiance: array<vec4f>;
+@group(0) @binding(6) var<storage, read> lighting: Lighting;
+
+@compute @workgroup_size(64)
+fn light_head(@builtin(global_invocation_id) id: vec3u) {
+    if (id.x >= lighting.vertices) {
+        return;
+    }
+    let vertex = head_vertices[id.x];
+    let origin = vertex.position + lighting.lift * vertex.normal;
+    var irradiance = vec3f();
+    for (var j = 0u; j < lighting.lights; j++) {
+        let light = lighting.light[j].light;
+        var sum = 0.0;
+        for (var k = 0u; k < light.rays; k++) {
+            let draw = draw_of(vertex.vertex, 0u, k);
+            let aim = aim_at(light, origin, draw.xy);
+            let cosine = dot(vertex.normal, aim.direction);
+            // A loop that runs once: see resolve.wgsl.
+            for (var above = cosine > 0.0 && aim.distance > 0.0; above; above = false) {
+                let met = trace(ray_from(origin, aim.direction, aim.distance, 0.0, vec2u()), lighting.head);
+                sum += select(cosine, 0.0, met.head || met.strands > 0u);
+            }
+        }
+        var energy = lighting.light[j].energy;
+        if (energy < 0.0) {
+            energy = lamp_lobe(light.direction, light.lambda, light.side, origin).solid_angle;
+        }
+        irradiance += (energy * sum / f32(light.rays)) * lighting.light[j].rgb;
+    }
+    head_radiance[vertex.vertex] += vec4f(lighting.to_radiance * irradiance, 0.0);
+}
