@@ -18,7 +18,7 @@ struct Lighting {
     vertices: u32,
     lights: u32,
     lift: f32,              // rays start so far above the surface
-    pad: u32,
+    spread: f32,            // and within so wide a square about the vertex
     to_radiance: vec3f,     // albedo over π
     head: vec2u,            // as Tracing has it
     light: array<HeadLight>,
@@ -34,24 +34,30 @@ fn light_head(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let vertex = head_vertices[id.x];
-    let origin = vertex.position + lighting.lift * vertex.normal;
+    let above = vertex.position + lighting.lift * vertex.normal;
+    let x = any_normal(vertex.normal);
+    let y = cross(vertex.normal, x);
     var irradiance = vec3f();
     for (var j = 0u; j < lighting.lights; j++) {
         let light = lighting.light[j].light;
         var sum = 0.0;
         for (var k = 0u; k < light.rays; k++) {
-            let draw = draw_of(vertex.vertex, 0u, k);
+            let draw = draw_of(0u, 0u, k);
+            // A vertex stands for what is about it, but the surface would shade itself.
+            let aside = lighting.spread * (draw_of(1u, 0u, k).xy - 0.5);
+            let origin = above + aside.x * x + aside.y * y;
             let aim = aim_at(light, origin, draw.xy);
             let cosine = dot(vertex.normal, aim.direction);
             // A loop that runs once: see resolve.wgsl.
-            for (var above = cosine > 0.0 && aim.distance > 0.0; above; above = false) {
-                let met = trace(ray_from(origin, aim.direction, aim.distance, 0.0, vec2u()), lighting.head);
-                sum += select(cosine, 0.0, met.head || met.strands > 0u);
+            for (var lit = cosine > 0.0 && aim.distance > 0.0; lit; lit = false) {
+                let strands = trace(ray_from(origin, aim.direction, aim.distance, 0.0, vec2u()), vec2u()).strands;
+                let head = meets_head(ray_from(above, aim.direction, aim.distance, 0.0, vec2u()), lighting.head);
+                sum += select(cosine, 0.0, head || strands > 0u);
             }
         }
         var energy = lighting.light[j].energy;
         if (energy < 0.0) {
-            energy = lamp_lobe(light.direction, light.lambda, light.side, origin).solid_angle;
+            energy = lamp_lobe(light.direction, light.lambda, light.side, above).solid_angle;
         }
         irradiance += (energy * sum / f32(light.rays)) * lighting.light[j].rgb;
     }

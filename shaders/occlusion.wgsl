@@ -128,20 +128,24 @@ fn trace(ray: Ray, head: vec2u) -> Met {
             }
         }
     }
+    met.head = meets_head(ray, head);
+    return met;
+}
+
+fn meets_head(ray: Ray, head: vec2u) -> bool {
     if (head.x == 0u) {
-        return met;
+        return false;
     }
-    walk = walk_from(head.x);
+    var walk = walk_from(head.x);
     while (!walk.over) {
         var leaves = visit(ray, &walk);
         for (; leaves.bits != 0u; leaves.bits &= leaves.bits - 1u) {
             if meets_triangle(ray, head.y + 3u * item_of(leaves)) {
-                met.head = true;
-                return met;
+                return true;
             }
         }
     }
-    return met;
+    return false;
 }
 
 // Of four children of a node, a byte each of their nearer sides along x, y and z and of their farther ones: bits of those

@@ -23,8 +23,10 @@ use crate::transport::{Brought, CELLS, Occluders, TransmittanceMoments, near, tr
 /// miss: a volume of hair does for them.
 const CRISP_LAMBDA: f64 = 0.3;
 const CRISP_SHARE: f64 = 3e-3;
-/// Rays of a light at a vertex of the head.
-const HEAD_RAYS: u32 = 4;
+/// Rays of a light at a vertex of the head: for so much of its bandwidth one, at least and at most so many. All vertices
+/// look for it in the same directions, so that its shadows are copies of each other and no noise.
+const HEAD_RAY_LAMBDA: f64 = 0.03;
+const HEAD_RAYS: [f64; 2] = [2.0, 10.0];
 
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
@@ -248,12 +250,13 @@ impl LitHair {
             rgb: Vec3::from(light.rgb.map(|c| c as f32)),
             energy: lobe_integral(light.lambda) as f32,
         });
-        let all = of_lamps.chain(of_lights).zip(crisp).filter(|(_, crisp)| **crisp);
-        let with_rays = |(one, _): (HeadLight, _)| HeadLight {
-            light: TracedLight { rays: HEAD_RAYS, ..one.light },
-            ..one
+        let all = of_lamps.chain(of_lights).zip(self.lobes(stage)).zip(crisp);
+        let [least, most] = HEAD_RAYS;
+        let with_rays = |((one, lobe), _): ((HeadLight, SrbfLight), _)| {
+            let rays = (lobe.lambda / HEAD_RAY_LAMBDA).ceil().clamp(least, most) as u32;
+            HeadLight { light: TracedLight { rays, ..one.light }, ..one }
         };
-        all.map(with_rays).collect()
+        all.filter(|(_, crisp)| **crisp).map(with_rays).collect()
     }
 
     /// Irradiance at the vertices of the head, linear RGB; empty without one.

@@ -549,7 +549,8 @@ fn what_cannot_be_opened_is_said_and_nothing_is_lost() {
     let said = open(&toml);
     assert!(said.contains("bad.toml") && said.contains("fibre.eta"), "{said}");
     seen(&mut window);
-    assert_eq!(picture(&window), shown, "the last good one goes on");
+    // Rays may have been added to it meanwhile.
+    assert!(apart(&picture(&window), &shown).1 < 0.25, "the last good one goes on");
 }
 
 /// Paint put on the front does not come through to the back, whatever is drawn; put through, it does.

@@ -69,6 +69,7 @@ fn the_expected_error_is_the_measured_one_within_a_factor_of_two() {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         output.stdout
     };
+    let mut off = Vec::new();
     for (map, preset) in
         [("studio", "black"), ("studio", "blond"), ("sunset", "black"), ("sunset", "blond")]
     {
@@ -84,15 +85,18 @@ fn the_expected_error_is_the_measured_one_within_a_factor_of_two() {
             let measured = report["noise"]["relative_l2_without"].as_f64().unwrap();
             let figures = json(Path::new(&folder.path().join("figures.json")));
             let expected = figures["quality"]["total"].as_f64().unwrap();
-            println!("{map} {preset} {quality}: expected {expected:.3}, measured {measured:.3}");
             let ratio = expected / measured;
-            assert!((0.5..=2.0).contains(&ratio), "{map} {preset} {quality}: {ratio}");
+            println!("{map} {preset} {quality}: expected {expected:.3}, measured {measured:.3}: {ratio:.2}");
+            if !(0.5..=2.0).contains(&ratio) {
+                off.push(format!("{map} {preset} {quality}: {ratio:.2}"));
+            }
             (expected, measured)
         });
         assert!(crude.0 > fine.0, "{map} {preset}: {crude:?} {fine:?}");
         // Of pale hair multiple scattering is most of the error, whatever the setting.
         assert!(preset != "black" || crude.1 > fine.1, "{map} {preset}: {crude:?} {fine:?}");
     }
+    assert!(off.is_empty(), "{off:?}");
 }
 
 fn words(text: &str) -> Vec<&str> {

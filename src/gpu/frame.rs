@@ -127,7 +127,7 @@ const BAND_PIXELS: u32 = 8 << 20;
 
 /// Of the hair's radius: longest edge of the head's triangles that are drawn, at whose vertices it is lit; and how far
 /// above it rays start.
-const HEAD_EDGE: f32 = 1.0 / 64.0;
+const HEAD_EDGE: f32 = 1.0 / 48.0;
 const HEAD_LIFT: f32 = 2e-5;
 
 /// Points that are shaded between two looks at whether to go on: 0.1 s on two cores.
@@ -722,14 +722,14 @@ impl Renderer {
         let all: Vec<u32> = (0..irradiance.len() as u32).collect();
         let vertices = vertices.unwrap_or(&all);
         let Head { positions, normals, .. } = &self.fine_head.head;
-        let lift = HEAD_LIFT * stage.radius;
+        let [lift, spread] = [HEAD_LIFT, HEAD_EDGE].map(|share| share * stage.radius);
         let lit = !lights.is_empty() && !vertices.is_empty() && !irradiance.is_empty();
         let vertex = |vertex: u32| {
             let position = positions[vertex as usize] - self.center;
             HeadVertex { position, vertex, normal: normals[vertex as usize], pad: 0 }
         };
         if let Some(rays) = rays.filter(|_| lit) {
-            let of = |&place: &u32| rays.irradiance(&vertex(place), lift, lights);
+            let of = |&place: &u32| rays.irradiance(&vertex(place), [lift, spread], lights);
             let found: Vec<Vec3> = vertices.par_iter().map(of).collect();
             vertices.iter().zip(found).for_each(|(&at, more)| irradiance[at as usize] += more);
         }
@@ -755,7 +755,7 @@ impl Renderer {
             vertices: seen.len() as u32,
             lights: lights.len() as u32,
             lift,
-            pad: 0,
+            spread,
             to_radiance,
             pad_2: 0,
             head,

@@ -129,7 +129,7 @@ pub struct LightingHead {
     pub vertices: u32,
     pub lights: u32,
     pub lift: f32,
-    pub pad: u32,
+    pub spread: f32,
     pub to_radiance: Vec3,
     pub pad_2: u32,
     pub head: [u32; 2],

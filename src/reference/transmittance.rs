@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::tracer::skin::Skin;
 use super::tracer::strands::{NO_STRAND, StrandBvh, StrandRay, Strands};
+use crate::hair::normals;
 use crate::head::HeadRays;
 use crate::scattering::dual::D_F;
 use crate::scene::Lens;
@@ -43,26 +44,37 @@ impl StrandRays {
         }
     }
 
-    /// Irradiance, linear RGB, that comes of `lights` to a vertex of the head; rays start `lift` above it.
-    pub fn irradiance(&self, vertex: &HeadVertex, lift: f32, lights: &[HeadLight]) -> Vec3 {
-        let HeadVertex { position, vertex, normal, .. } = *vertex;
-        let origin = position + lift * normal;
+    /// Irradiance, linear RGB, that comes of `lights` to a vertex of the head; rays start `lift` above it, within a square
+    /// of `spread` a side.
+    pub fn irradiance(
+        &self,
+        vertex: &HeadVertex,
+        [lift, spread]: [f32; 2],
+        lights: &[HeadLight],
+    ) -> Vec3 {
+        let HeadVertex { position, normal, .. } = *vertex;
+        let above = position + lift * normal;
+        let (x, y) = normals(normal);
         let of = |one: &HeadLight| {
             let light = &one.light;
             let mut sum = 0.0;
             for k in 0..light.rays {
-                let aim = draws::aim(light, origin, draws::draw_of(vertex, 0, k));
+                let [across, down, _] = draws::draw_of(1, 0, k).map(|draw| spread * (draw - 0.5));
+                let origin = above + across * x + down * y;
+                let aim = draws::aim(light, origin, draws::draw_of(0, 0, k));
                 let cosine = normal.dot(aim.direction);
                 if cosine <= 0.0 || aim.distance <= 0.0 {
                     continue;
                 }
-                let ray = StrandRay::along(origin, 0.0, NO_STRAND, aim.direction, aim.distance);
-                let open = !self.strands.occluded(&ray)
-                    && !self.head.as_ref().is_some_and(|head| head.occluded(&ray.ray));
+                let from =
+                    |origin| StrandRay::along(origin, 0.0, NO_STRAND, aim.direction, aim.distance);
+                // A vertex stands for what is about it, but the surface would shade itself.
+                let open = !self.strands.occluded(&from(origin))
+                    && !self.head.as_ref().is_some_and(|head| head.occluded(&from(above).ray));
                 sum += if open { cosine } else { 0.0 };
             }
             let energy =
-                if one.energy < 0.0 { draws::solid_angle(light, origin) } else { one.energy };
+                if one.energy < 0.0 { draws::solid_angle(light, above) } else { one.energy };
             energy * sum / light.rays as f32 * one.rgb
         };
         lights.iter().map(of).sum()
