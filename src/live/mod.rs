@@ -6,8 +6,9 @@
 //! - [`Worker`]: a session on a thread of its own. Only the newest wish counts.
 //! - [`truth`]: the same picture path traced, on another thread.
 //!
-//! A picture comes in two steps: one in a hurry (smaller, of fewer and wider strands, with the reach of cells of 1/32
-//! and the field that there was), then, once nothing moves, the very frame that `capture` makes.
+//! A picture comes in two steps: one in a hurry (smaller, of fewer and wider strands, with T̃ of cells of 1/32
+//! and the field that there was), then, once nothing moves, the very frame that `capture` makes; and while nothing is asked
+//! for the same with ever more rays.
 
 mod light;
 mod part;

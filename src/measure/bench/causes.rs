@@ -48,7 +48,7 @@ pub struct Causes {
     /// The frame's error as it is.
     pub whole: f64,
     pub parts: Vec<Cause>,
-    /// One scattering event alone under the fitted lights: the frame as it is, and with reach and integrals exact.
+    /// One scattering event alone under the fitted lights: the frame as it is, and with T̃ and integrals exact.
     pub single: f64,
     pub single_exact: f64,
 }
@@ -67,7 +67,7 @@ pub(super) struct Subject<'a> {
 pub(super) struct OfModel {
     fitted: Picture,
     fitted_single: Picture,
-    /// By the frame's reach and by the exact one; None where no shader has them.
+    /// By the frame's T̃ and by the exact one; None where no shader has them.
     exact_single: Option<[Picture; 2]>,
 }
 
@@ -106,8 +106,8 @@ pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
     let Subject { ref method, data, field, lit, truth, model } = *subject;
     let OfModel { fitted, fitted_single, exact_single } = model;
     lit.hair.show_known(view.stage, &mut view.renderer, data, field, &lit.exact);
-    let by_reach = shot(view, ALL)?;
-    let single_by_reach = shot(view, SINGLE)?;
+    let by_rays = shot(view, ALL)?;
+    let single_by_rays = shot(view, SINGLE)?;
     view.show(&lit.hair, data, field)?;
     let frame = shot(view, ALL)?;
     let single = shot(view, SINGLE)?;
@@ -115,10 +115,10 @@ pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
     // Where no shader has the exact integrals, the method's own stand for them and the cause is nothing.
     let [exact_by_transport, single_exact] = match exact_single {
         Some([by_transport, by_rays]) => [by_transport, by_rays],
-        None => [&single, &single_by_reach],
+        None => [&single, &single_by_rays],
     };
     let by_integral = moved(&frame, exact_by_transport, &single);
-    let by_both = moved(&by_reach, single_exact, &single_by_reach);
+    let by_both = moved(&by_rays, single_exact, &single_by_rays);
 
     // Coverage comes from the traced picture that the result is not judged by: noise that both share would be
     // taken for agreement.
@@ -142,7 +142,7 @@ pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
                 remaining: Some(error(&frame, fitted)?),
             },
             swapped(coverage, &covered(&frame, fitted))?,
-            swapped(transmittance, &by_reach)?,
+            swapped(transmittance, &by_rays)?,
             swapped(integral, &by_integral)?,
             Cause {
                 name: multiple,
