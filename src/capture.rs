@@ -22,6 +22,7 @@ use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Quality, Stats,
     Timing, TransportFigures, Work,
 };
+use crate::transport::draws::transmittance;
 
 /// Pixels that `--verify` casts rays for.
 const VERIFIED_PIXELS: usize = 2048;
@@ -169,10 +170,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let delta_t = if options.verify {
         // Rays go along lobes, which a lamp near the hair has not one of.
         let words = renderer.traced_words(&points)?.split_off(lit.lamps.len());
-        let t = |j: usize, k: usize| {
-            let counts = words[j][k][0];
-            f64::from(counts & 0xffff) / f64::from((counts >> 16).max(1))
-        };
+        let t = |j: usize, k: usize| transmittance(words[j][k]);
         let real = RealStrands::new(&stage);
         real.delta_t(&lenses[0], &points, &lit.lights, t, VERIFIED_PIXELS)
     } else {

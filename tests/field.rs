@@ -42,8 +42,7 @@ fn furnace(model: Model, sigma_a: f64) -> f64 {
         let cell = ((stage.hair.points[point as usize] - field.origin) / field.cell).floor();
         let [x, y, z] = cell.to_array().map(|at| at as usize);
         for (j, light) in lights.iter().enumerate() {
-            let counts = words[j][k][0];
-            let direct = f64::from(counts & 0xffff) / f64::from((counts >> 16).max(1));
+            let direct = hairlight::transport::draws::transmittance(words[j][k]);
             // Peaks of lobes that overlap.
             let unit = |one: &SrbfLight| SrbfLight { rgb: [1.0; 3], ..*one };
             let overlap = lights.iter().map(|one| unit(one).radiance(light.direction)[0]);

@@ -30,7 +30,7 @@ use hairlight::scattering::model::Model;
 use hairlight::scene::{Energies, FibreSpec, LampKind, LampSpec, Lens, PRESETS, Scene};
 use hairlight::srbf::{SrbfLight, split_wide};
 use hairlight::stage::{Geometry, suns};
-use hairlight::transport::draws::{HeadLight, HeadVertex, TracedLight};
+use hairlight::transport::draws::{HeadLight, HeadVertex, TracedLight, transmittance};
 use hairlight::transport::near::{self, Between};
 use hairlight::transport::volume::Volume;
 use hairlight::transport::{CELLS, Occluders, transport};
@@ -648,10 +648,7 @@ fn lamps_come_through_hair_as_rays_do() {
         lit.show(at, &mut renderer, &method, None, 16.0, &|_| true).unwrap();
         let words = &renderer.traced_words(&points).unwrap()[0];
         let deltas: Vec<f64> = (points.par_iter().zip(words))
-            .map(|(&point, &[counts, _])| {
-                let t = f64::from(counts & 0xffff) / f64::from((counts >> 16).max(1));
-                t - real.transmittance(lamp, point as usize)
-            })
+            .map(|(&point, &words)| transmittance(words) - real.transmittance(lamp, point as usize))
             .collect();
         let count = deltas.len() as f64;
         let mean = deltas.iter().sum::<f64>() / count;

@@ -159,11 +159,14 @@ fn optical_depth_of_a_uniform_slab_is_density_times_length() {
                 Some(t) => 0.6 * t.cross(omega).length(),
             };
             let depth = OpticalDepth::new(&slab.volume, omega);
+            let away = OpticalDepth::new(&slab.volume, -omega);
             for _ in 0..40 {
                 // Where edges are cut off within a cell's blur, only a mean would be right.
                 let p = slab.low + (slab.high - slab.low) * random.point(0.2, 0.8);
                 let (ahead, behind) = (rho * slab.exit(p, omega), rho * slab.exit(p, -omega));
-                let (tau, beyond) = depth.tau(depth.shear.apply(slab.volume.to_cells(p)));
+                let at = slab.volume.to_cells(p);
+                let tau = depth.tau(depth.shear.apply(at));
+                let beyond = away.tau(away.shear.apply(at));
                 // Near an edge the blur of one cell takes up to a quarter of a cell's depth.
                 let close =
                     |a: f32, b: f32| (a - b).abs() <= 0.02 * b + 0.3 * rho * slab.volume.cell;
@@ -182,7 +185,7 @@ fn nothing_stands_beside_the_volume() {
     let slab = Slab::new([0.2, 0.2, 0.2, 0.0, 0.0, 0.0]);
     for omega in directions() {
         let depth = OpticalDepth::new(&slab.volume, omega);
-        let tau = |p: Vec3| depth.tau(depth.shear.apply(slab.volume.to_cells(p))).0;
+        let tau = |p: Vec3| depth.tau(depth.shear.apply(slab.volume.to_cells(p)));
         let middle = 0.5 * (slab.low + slab.high);
         assert_eq!(tau(middle + 100.0 * omega), 0.0, "{omega}: before it");
         assert_eq!(tau(middle + 100.0 * omega.any_orthonormal_vector()), 0.0, "{omega}: aside");

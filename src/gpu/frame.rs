@@ -360,12 +360,10 @@ impl Renderer {
         self.thinning = strands.max(1);
     }
 
-    /// Draws only the segments that `keep` holds for, each in `pieces` straight pieces.
-    fn draw_segments(&mut self, pieces: u32, mut keep: impl FnMut(usize) -> bool) {
-        let there = |first: usize| self.strand_of[first].is_multiple_of(self.thinning);
-        let drawn = self.every_segment.iter().copied();
-        let kept = drawn.filter(|&first| keep(first as usize) && there(first as usize));
-        self.drawn = kept.collect();
+    /// Draws only these segments, by their first points, each in `pieces` straight pieces.
+    fn draw_segments(&mut self, pieces: u32, mut segments: Vec<u32>) {
+        segments.retain(|&first| self.strand_of[first as usize].is_multiple_of(self.thinning));
+        self.drawn = segments;
         let most = self.gpu.device.limits().max_buffer_size / Ribbons::BYTES_PER_PIECE;
         let most = most / self.drawn.len().max(1) as u64;
         self.pieces = pieces.min(most as u32).max(1);
@@ -406,7 +404,7 @@ impl Renderer {
         pieces: u32,
         samples: u32,
     ) -> Result<(Work, Sampling, PassTimer)> {
-        self.draw_segments(pieces, |_| true);
+        self.draw_segments(pieces, self.every_segment.clone());
         let size = lenses.first().map_or([1; 2], |lens| lens.size);
         let (work, sampling) = self.begin(size, samples)?;
         let mark = self.mark_groups(&work);
@@ -558,21 +556,18 @@ impl Renderer {
         if rays.is_none() {
             self.traced.prepare(&self.gpu, stage);
         }
-        let host = rays.map(|rays| (stage, rays));
-        let Renderer { gpu, strand_points, traced, to_trace, center, method, .. } = self;
-        let (lamps, lights, rays) = to_trace;
-        traced.set_lights((lamps, lights), rays, method.counts_strands(), *center);
-        let done = traced.compute(gpu, strand_points, points, host, progress)?;
+        let (lamps, lights, shares) = &self.to_trace;
+        let counts = self.method.counts_strands();
+        self.traced.set_lights((lamps, lights), shares, counts, self.center);
+        let done = self.foresee(stage, points, rays, progress)?;
         self.draw_known();
         Ok(done)
     }
 
-    /// How many of `points` nothing is traced at.
-    pub fn untraced(&self, points: &[u32]) -> usize {
-        points.iter().filter(|&&point| !self.traced.table.has(point as usize)).count()
-    }
-
-    /// The same without showing it: rays that later pictures may take.
+    /// Traces as [`Self::trace`] does, of the lights that it set, for pictures that are yet to be asked for.
+    ///
+    /// # Errors
+    /// The device was lost.
     pub fn foresee(
         &mut self,
         stage: &Geometry,
@@ -583,6 +578,11 @@ impl Renderer {
         let host = rays.map(|rays| (stage, rays));
         let Renderer { gpu, strand_points, traced, .. } = self;
         traced.compute(gpu, strand_points, points, host, progress)
+    }
+
+    /// How many of `points` nothing is traced at.
+    pub fn untraced(&self, points: &[u32]) -> usize {
+        points.iter().filter(|&&point| !self.traced.table.has(point as usize)).count()
     }
 
     /// Adds `times` as many rays to `points`, which are traced; see [`Self::trace`].
@@ -626,15 +626,12 @@ impl Renderer {
         self.known.as_ref().unwrap_or(&self.traced.table)
     }
 
+    /// Draws the segments of which T̃ is known at both ends.
     fn draw_known(&mut self) {
-        let there = |first: usize| {
-            let table = self.table();
-            table.has(first) && table.has(first + 1)
-        };
-        let keep: Vec<bool> =
-            self.every_segment.iter().map(|&first| there(first as usize)).collect();
-        let mut keep = keep.into_iter();
-        self.draw_segments(self.pieces, |_| keep.next() == Some(true));
+        let table = self.table();
+        let known = |first: &u32| table.has(*first as usize) && table.has(*first as usize + 1);
+        let segments = self.every_segment.iter().copied().filter(known).collect();
+        self.draw_segments(self.pieces, segments);
     }
 
     /// From now on no strand is lit by another.
@@ -766,11 +763,15 @@ impl Renderer {
         let [bvh, items, shapes] = buffers;
         let of_vertices = storage(device, "head vertices", bytemuck::cast_slice(&seen));
         let lighting = storage(device, "lighting", &data);
-        let bound =
-            [bvh, items, &self.strand_points, shapes, &of_vertices, &self.head_radiance, &lighting];
-        // Of the strand points the shader needs none.
-        let entries = (0..).zip(bound).filter(|(binding, _)| *binding != 2);
-        let entries: Vec<_> = entries.map(|(binding, bound)| buffer(binding, bound)).collect();
+        // Of the strand points, at 2, the shader needs none.
+        let entries = [
+            buffer(0, bvh),
+            buffer(1, items),
+            buffer(3, shapes),
+            buffer(4, &of_vertices),
+            buffer(5, &self.head_radiance),
+            buffer(6, &lighting),
+        ];
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &pipeline.get_bind_group_layout(0),

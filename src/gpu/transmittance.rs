@@ -359,12 +359,10 @@ impl PointTransmittance {
             return;
         }
         let columns = columns.max(there).max(1);
-        let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let first = (FIRST_BYTES / u64::from(4 * *pair * columns)) as u32;
         let most = slot_of.len() as u32;
         let capacity = wanted.max(2 * self.capacity).max(first).min(most).max(1);
-        let per_group = limit / (4 * u64::from(*pair) * u64::from(capacity));
-        let per_group = per_group.clamp(1, COLUMNS_A_GROUP.into()) as u32;
+        let per_group = columns_a_group(gpu, *pair, capacity);
         let group = |first: u32| {
             let count = per_group.min(columns - first);
             let words = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -614,6 +612,13 @@ impl PointTransmittance {
     }
 }
 
+/// Columns that one buffer holds of so many slots, `pair` words each.
+fn columns_a_group(gpu: &Gpu, pair: u32, slots: u32) -> u32 {
+    let limit = gpu.device.limits().max_storage_buffer_binding_size;
+    let fit = limit / (4 * u64::from(pair) * u64::from(slots.max(1)));
+    fit.clamp(1, COLUMNS_A_GROUP.into()) as u32
+}
+
 /// A table of words that are known: `words[j][k]` is light j of all at `points[k]`.
 pub(super) fn known_table(
     gpu: &Gpu,
@@ -627,9 +632,7 @@ pub(super) fn known_table(
     table.upload_slots(gpu);
     (table.count, table.pair) = (points.len() as u32, pair);
     let lights = words.len() as u32;
-    let limit = gpu.device.limits().max_storage_buffer_binding_size;
-    let per_group = limit / (4 * u64::from(pair) * points.len().max(1) as u64);
-    let per_group = per_group.clamp(1, COLUMNS_A_GROUP.into()) as u32;
+    let per_group = columns_a_group(gpu, pair, points.len() as u32);
     for first in (0..lights).step_by(per_group as usize) {
         let count = per_group.min(lights - first);
         let row = |k: usize| {

@@ -11,7 +11,7 @@ use crate::lamp::{Lamp, Shape};
 use crate::srbf::SrbfLight;
 
 /// Rays for a point of all lights together, at 16 samples a pixel.
-const RAYS_A_POINT: f64 = 50.0;
+pub const RAYS_A_POINT: f64 = 50.0;
 /// Rays go as this power of a light's energy: the error of a sum of lights is least at ⅔, of those that shine where few
 /// do at 1.
 const POWER: f64 = 0.75;
@@ -251,6 +251,11 @@ fn lamp_aim(center: Vec3, size: f32, side: Vec3, p: Vec3, u: [f32; 2]) -> Aim {
 /// What is known of a pair of a point and a light: rays that were open, and all; and where strands are counted what packs
 /// the rest of [`super::TransmittanceMoments`].
 pub type Words = [u32; 2];
+
+/// T̃: the share of rays that were open; 0 of none.
+pub fn transmittance([counts, _]: Words) -> f64 {
+    f64::from(counts & 0xffff) / f64::from((counts >> 16).max(1))
+}
 
 /// Adds a ray to words.
 pub fn add(words: &mut Words, open: bool, counted: Option<[f32; 3]>) {

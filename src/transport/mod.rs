@@ -86,7 +86,7 @@ impl Way {
     fn look(&self, p: Vec3) -> (f32, f32) {
         let shear = &self.depth.shear;
         let open = self.shadow.as_ref().map_or(1.0, |s| s.visibility(shear.apply(p)));
-        let (tau, _) = self.depth.tau(shear.apply(p + STEP_OUT * self.omega));
+        let tau = self.depth.tau(shear.apply(p + STEP_OUT * self.omega));
         (open, tau)
     }
 }

@@ -103,16 +103,15 @@ impl OpticalDepth {
         }
     }
 
-    /// τ from sheared coordinates `q` (see [`Shear::apply`]) to infinity towards the light, and from there
-    /// to infinity away from it; (0, 0) beside the volume.
-    pub fn tau(&self, q: [f32; 3]) -> (f32, f32) {
+    /// τ from sheared coordinates `q` (see [`Shear::apply`]) to infinity towards the light; 0 beside the volume.
+    pub fn tau(&self, q: [f32; 3]) -> f32 {
         let plane = if self.shear.sign > 0.0 { self.slices as f32 - q[2] } else { -q[2] };
         let plane = plane.clamp(0.0, self.slices as f32);
         let x = q[0] - 0.5 - self.first[0] as f32;
         let y = q[1] - 0.5 - self.first[1] as f32;
         let [w, h] = self.columns;
         if !(x >= 0.0 && y >= 0.0 && x < (w - 1) as f32 && y < (h - 1) as f32) {
-            return (0.0, 0.0);
+            return 0.0;
         }
         let (i, j, k) = (x as usize, y as usize, (plane as usize).min(self.slices - 1));
         let (fx, fy, fz) = (x - i as f32, y - j as f32, plane - k as f32);
@@ -123,7 +122,6 @@ impl OpticalDepth {
             top + fy * (bottom - top)
         };
         let (near, far) = (at(k), at(k + 1));
-        let tau = near + fz * (far - near);
-        (tau, (at(self.slices) - tau).max(0.0))
+        near + fz * (far - near)
     }
 }
