@@ -1,4 +1,4 @@
-// Irradiance of the head's vertices from lights that are narrow and bright, by rays; the rest comes from a volume
+// Irradiance of places on the head from lights that are narrow and bright, by rays; the rest comes from a volume
 // (src/light.rs). Twin: StrandRays::irradiance of src/reference/transmittance.rs.
 
 struct HeadLight {
@@ -9,7 +9,7 @@ struct HeadLight {
 
 struct HeadVertex {
     position: vec3f,
-    vertex: u32,
+    lights: u32,            // bit by bit, which are looked for
     normal: vec3f,
     pad: u32,
 }
@@ -19,31 +19,31 @@ struct Lighting {
     lights: u32,
     lift: f32,              // rays start so far above the surface
     spread: f32,            // and within so wide a square about the vertex
-    to_radiance: vec3f,     // albedo over π
     head: vec2u,            // as Tracing has it
     light: array<HeadLight>,
 }
 
 @group(0) @binding(4) var<storage, read> head_vertices: array<HeadVertex>;
-@group(0) @binding(5) var<storage, read_write> head_radiance: array<vec4f>;
+@group(0) @binding(5) var<storage, read_write> head_irradiance: array<f32>;  // of each light, were its radiance 1
 @group(0) @binding(6) var<storage, read> lighting: Lighting;
 
 @compute @workgroup_size(64)
 fn light_head(@builtin(global_invocation_id) id: vec3u) {
-    if (id.x >= lighting.vertices) {
+    let place = id.y * 64u * 4096u + id.x;
+    if (place >= lighting.vertices) {
         return;
     }
-    let vertex = head_vertices[id.x];
+    let vertex = head_vertices[place];
     let above = vertex.position + lighting.lift * vertex.normal;
     let x = any_normal(vertex.normal);
     let y = cross(vertex.normal, x);
-    var irradiance = vec3f();
     for (var j = 0u; j < lighting.lights; j++) {
-        let light = lighting.light[j].light;
         var sum = 0.0;
-        for (var k = 0u; k < light.rays; k++) {
+        let light = lighting.light[j].light;
+        let rays = select(0u, light.rays, (vertex.lights >> j & 1u) == 1u);
+        for (var k = 0u; k < rays; k++) {
             let draw = draw_of(0u, 0u, k);
-            // A vertex stands for what is about it, but the surface would shade itself.
+            // The place stands for what is about it, but the surface would shade itself.
             let aside = lighting.spread * (draw_of(1u, 0u, k).xy - 0.5);
             let origin = above + aside.x * x + aside.y * y;
             let aim = aim_at(light, origin, draw.xy);
@@ -59,7 +59,6 @@ fn light_head(@builtin(global_invocation_id) id: vec3u) {
         if (energy < 0.0) {
             energy = lamp_lobe(light.direction, light.lambda, light.side, above).solid_angle;
         }
-        irradiance += (energy * sum / f32(light.rays)) * lighting.light[j].rgb;
+        head_irradiance[place * lighting.lights + j] = energy * sum / f32(light.rays);
     }
-    head_radiance[vertex.vertex] += vec4f(lighting.to_radiance * irradiance, 0.0);
 }

@@ -1,4 +1,5 @@
-// Collects the strand points that any sample needs, each once, so that only those are shaded, and the head's vertices.
+// Collects the strand points that any sample needs, each once, so that only those are shaded, and counts the samples that
+// see each triangle of the head.
 
 struct Needed {
     count: atomic<u32>,
@@ -10,8 +11,7 @@ struct Needed {
 @group(0) @binding(0) var visibility: texture_multisampled_2d<u32>;
 @group(0) @binding(1) var<storage, read_write> marks: array<atomic<u32>>;   // 1 once a point is listed
 @group(0) @binding(2) var<storage, read_write> needed: Needed;
-@group(0) @binding(3) var<storage, read_write> head_marks: array<u32>;      // 1 once a vertex of the head is seen
-@group(0) @binding(4) var<storage, read> head_corners: array<u32>;
+@group(0) @binding(3) var<storage, read_write> head_seen: array<atomic<u32>>;
 
 fn mark_point(point: u32) {
     if (atomicLoad(&marks[point]) == 0u && atomicExchange(&marks[point], 1u) == 0u) {
@@ -32,9 +32,7 @@ fn mark(@builtin(global_invocation_id) pixel: vec3u) {
             mark_point(seen.id + 1u);
         }
         if (seen.kind == HEAD) {
-            for (var corner = 0u; corner < 3u; corner++) {
-                head_marks[head_corners[3u * seen.id + corner]] = 1u;
-            }
+            atomicAdd(&head_seen[seen.id], 1u);
         }
     }
 }

@@ -7,11 +7,19 @@ override WITH_HEAD: bool = true;
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var visibility: texture_multisampled_2d<u32>;
 @group(0) @binding(2) var<storage, read> radiance: array<vec4f>;        // at strand points
-@group(0) @binding(3) var<storage, read> head_radiance: array<vec4f>;   // at head vertices
+@group(0) @binding(3) var<storage, read> head_radiance: array<vec4f>;   // at head vertices, then at points of detail
 @group(0) @binding(4) var<storage, read> head_corners: array<u32>;
 @group(0) @binding(5) var environment: texture_2d<f32>;                 // lat-long, rgba32float
 @group(0) @binding(6) var<storage, read_write> sum: array<vec4f>;       // premultiplied RGB and alpha
 @group(0) @binding(7) var<storage, read_write> hair_sum: array<f32>;    // coverage by hair
+@group(0) @binding(8) var<storage, read> detail: Detail;
+
+// A triangular lattice of points in those triangles of the head where shadows begin and end (src/head/detail.rs).
+struct Detail {
+    across: u32,            // steps along an edge; 0 where no triangle has a lattice
+    vertices: u32,          // its points come after these
+    words: array<u32>,      // of each triangle: 0, or where in this list its points begin, row by row from the first edge
+}
 
 // What is rare stands in loops that run once: SIMD code on a CPU skips a loop that no lane enters, but walks
 // through both sides of every `if`.
@@ -34,10 +42,22 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
             hair += 1.0;
         }
         for (var once = WITH_HEAD && seen.kind == HEAD; once; once = false) {
-            let f = seen.fraction;
-            color += (1.0 - f.x - f.y) * head_radiance[head_corners[3u * seen.id]].rgb
-                + f.x * head_radiance[head_corners[3u * seen.id + 1u]].rgb
-                + f.y * head_radiance[head_corners[3u * seen.id + 2u]].rgb;
+            var f = seen.fraction;
+            let corner = 3u * seen.id;
+            var at = vec3u(head_corners[corner], head_corners[corner + 1u], head_corners[corner + 2u]);
+            var first = 0u;
+            for (var some = detail.across > 0u; some; some = false) {
+                first = detail.words[seen.id];
+            }
+            for (var fine = first > 0u; fine; fine = false) {
+                let cell = cell_of(f);
+                f = cell.fraction;
+                for (var k = 0; k < 3; k++) {
+                    at[k] = detail.vertices + detail.words[first + cell.points[k]];
+                }
+            }
+            color += (1.0 - f.x - f.y) * head_radiance[at.x].rgb + f.x * head_radiance[at.y].rgb
+                + f.y * head_radiance[at.z].rgb;
             covered += 1.0;
         }
     }
@@ -45,6 +65,27 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
     let share = view.share / f32(4u * texels);
     sum[pixel] += share * vec4f(color, covered);
     hair_sum[pixel] += share * hair;
+}
+
+struct Cell {
+    points: vec3u,
+    fraction: vec2f,        // barycentrics of the 2nd and 3rd
+}
+
+// The small triangle of a lattice that holds a place of these barycentrics.
+fn cell_of(barycentrics: vec2f) -> Cell {
+    let n = detail.across;
+    let place = f32(n) * barycentrics;
+    let j = min(u32(place.y), n - 1u);
+    let i = min(u32(place.x), n - 1u - j);
+    let f = place - vec2f(f32(i), f32(j));
+    let row = j * (n + 1u) - j * (j - min(j, 1u)) / 2u + i;
+    let above = row + n + 1u - j;
+    // The last of a row has no neighbour that is turned over.
+    if (f.x + f.y <= 1.0 || i + j + 1u >= n) {
+        return Cell(vec3u(row, row + 1u, above), f);
+    }
+    return Cell(vec3u(above + 1u, above, row + 1u), 1.0 - f);
 }
 
 // After the last pass: the background in what strands and head leave free.

@@ -98,8 +98,8 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
         [lens] if can_be_kept(lens.size) => Some(renderer.look(lens, pieces, settings.samples)?),
         _ => None,
     };
-    let (points, vertices) = match &sight {
-        Some(sight) => (sight.points.clone(), sight.vertices.clone()),
+    let (points, head) = match &sight {
+        Some(sight) => (sight.points.clone(), sight.head.clone()),
         None => renderer.visible(&lenses, pieces, settings.samples)?,
     };
     if points.is_empty() {
@@ -122,7 +122,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     clock.step("field")?;
     clock.watch("transmittance", |progress| {
         let at = (&stage, &medium);
-        let seen = (&points[..], Some(&vertices[..]));
+        let seen = (&points[..], Some(&head));
         lit.show_at(at, &mut renderer, &method, field.as_ref(), seen, settings.rays, progress)
     })?;
     let gain = 2f64.powf(scene.environment.exposure) as f32;

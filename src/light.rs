@@ -9,13 +9,14 @@ use rayon::prelude::*;
 
 use crate::field::{self, Field, Grid, Palette};
 use crate::gpu::frame::Renderer;
+use crate::gpu::head_light::SeenHead;
 use crate::gpu::method::MethodData;
 use crate::head::HeadRays;
 use crate::lamp::Lamp;
 use crate::reference::transmittance::StrandRays;
 use crate::srbf::{SrbfLight, lobe_integral};
 use crate::stage::Geometry;
-use crate::transport::draws::{HeadLight, TracedLight, Words};
+use crate::transport::draws::{HEAD_LIGHTS, HeadLight, TracedLight, Words};
 use crate::transport::volume::Volume;
 use crate::transport::{Brought, CELLS, Occluders, TransmittanceMoments, near, transport};
 
@@ -229,13 +230,15 @@ impl LitHair {
     /// Lights whose shadows on the head rays find, lamps first: narrow ones that are bright.
     fn crisp(&self, stage: &Geometry) -> Vec<bool> {
         let lobes = self.lobes(stage);
-        let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
-        let whole: f64 = lobes.iter().map(power).sum();
-        let of = |(j, light): (usize, &SrbfLight)| {
-            let narrow = light.lambda < CRISP_LAMBDA || j < self.lamps.len();
-            narrow && power(light) > CRISP_SHARE * whole
+        let powers: Vec<f64> = lobes.iter().map(|light| light.energy().iter().sum()).collect();
+        let least = CRISP_SHARE * powers.iter().sum::<f64>();
+        let crisp = |&j: &usize| {
+            (lobes[j].lambda < CRISP_LAMBDA || j < self.lamps.len()) && powers[j] > least
         };
-        lobes.iter().enumerate().map(of).collect()
+        let mut brightest: Vec<usize> = (0..lobes.len()).filter(crisp).collect();
+        brightest.sort_by(|&i, &j| powers[j].total_cmp(&powers[i]));
+        brightest.truncate(HEAD_LIGHTS);
+        (0..lobes.len()).map(|j| brightest.contains(&j)).collect()
     }
 
     /// The crisp ones as rays look for them.
@@ -323,7 +326,7 @@ impl LitHair {
         self.show_at(at, renderer, method, field, (&self.points, None), rays, progress)
     }
 
-    /// The same at other points, and vertices of the head that is drawn.
+    /// The same at other points, and what is seen of the head.
     ///
     /// # Errors
     /// See [`Self::show`].
@@ -334,7 +337,7 @@ impl LitHair {
         renderer: &mut Renderer,
         method: &MethodData,
         field: Option<&Field>,
-        (points, vertices): (&[u32], Option<&[u32]>),
+        (points, head): (&[u32], Option<&SeenHead>),
         rays: f64,
         progress: Progress,
     ) -> Result<()> {
@@ -342,7 +345,7 @@ impl LitHair {
         let host = medium.rays(stage, renderer);
         let crisp = self.crisp(stage);
         let rest = self.head_irradiance_of(|j| !crisp[j]);
-        renderer.light_head(stage, &rest, &self.head_lights(stage, &crisp), vertices, host);
+        renderer.light_head(stage, &rest, &self.head_lights(stage, &crisp), head, host)?;
         if !renderer.trace(stage, points, host, progress)? {
             bail!("cancelled");
         }
@@ -351,6 +354,9 @@ impl LitHair {
     }
 
     /// The same with T̃ that is known: `words[j][k]` is light j at point k.
+    ///
+    /// # Errors
+    /// The device was lost.
     pub fn show_known(
         &self,
         stage: &Geometry,
@@ -358,18 +364,28 @@ impl LitHair {
         method: &MethodData,
         field: Option<&Field>,
         words: &[Vec<Words>],
-    ) {
+    ) -> Result<()> {
         self.set(renderer, method, 1.0);
-        renderer.light_head(stage, &self.head_irradiance(), &[], None, None);
+        renderer.light_head(stage, &self.head_irradiance(), &[], None, None)?;
         renderer.upload(&self.points, words);
         Self::set_field(renderer, field);
+        Ok(())
     }
 
     /// Sets these lights with their rough T̃ at `points`; method and field stay.
-    pub fn show_coarse(&self, stage: &Geometry, renderer: &mut Renderer, points: &[u32]) {
+    ///
+    /// # Errors
+    /// The device was lost.
+    pub fn show_coarse(
+        &self,
+        stage: &Geometry,
+        renderer: &mut Renderer,
+        points: &[u32],
+    ) -> Result<()> {
         renderer.set_lights(&self.lamps, &self.lights, 1.0);
-        renderer.light_head(stage, &self.head_irradiance(), &[], None, None);
+        renderer.light_head(stage, &self.head_irradiance(), &[], None, None)?;
         renderer.upload(points, &self.rough);
+        Ok(())
     }
 
     fn set(&self, renderer: &mut Renderer, method: &MethodData, rays: f64) {

@@ -670,8 +670,8 @@ fn lamps_come_through_hair_as_rays_do() {
         let head = stage.head.as_ref().unwrap();
         let got = |v: usize| {
             let position = head.positions[v] - stage.center;
-            let vertex = HeadVertex { position, vertex: v as u32, normal: head.normals[v], pad: 0 };
-            f64::from(rays.irradiance(&vertex, [1e-3 * stage.radius, 0.0], &[light]).y)
+            let vertex = HeadVertex { position, lights: 1, normal: head.normals[v], pad: 0 };
+            f64::from(rays.irradiance(&vertex, [1e-3 * stage.radius, 0.0], &light) * light.rgb.y)
         };
         let pairs: Vec<(f64, f64)> =
             (vertices.par_iter()).map(|&v| (got(v), real.irradiance(lamp, v))).collect();

@@ -696,8 +696,8 @@ fn a_strand_throws_a_crisp_shadow_on_the_head() {
     };
     let at = |x: f32| {
         let position = Vec3::new(x, 0.0, 0.3) - stage.center;
-        let vertex = HeadVertex { position, vertex: 7, normal: Vec3::Y, pad: 0 };
-        rays.irradiance(&vertex, [1e-4, 0.0], &[looked_for]).x / looked_for.energy
+        let vertex = HeadVertex { position, lights: 1, normal: Vec3::Y, pad: 0 };
+        rays.irradiance(&vertex, [1e-4, 0.0], &looked_for) / looked_for.energy
     };
     for x in [0.0, 0.05, -0.08] {
         assert_eq!(at(x), 0.0, "{x} lies beneath it");

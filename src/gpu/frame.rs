@@ -6,28 +6,27 @@ use std::time::Instant;
 
 use anyhow::{Result, bail, ensure};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
-use rayon::prelude::*;
 use wgpu::util::DeviceExt as _;
 
 use super::Gpu;
+use super::head_light::{HeadRayCaster, HeadSurface, SeenHead};
 use super::method::{Integrator, MethodData};
 use super::resources::*;
 use super::shaders::Shaders;
 use super::timer::PassTimer;
 use super::transmittance::{PointTransmittance, Table, known_table};
 use super::uniforms::{
-    LightEntry, LightingHead, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
+    LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
 };
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::hair::normals;
-use crate::head::{FineHead, Head};
 use crate::lamp::Lamp;
 use crate::reference::transmittance::StrandRays;
 use crate::scene::Lens;
 use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
 use crate::stage::Geometry;
-use crate::transport::draws::{HeadLight, HeadVertex, Rays, Words};
+use crate::transport::draws::{HeadLight, Rays, Words};
 
 /// What stands behind the hair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,8 +108,8 @@ pub struct Sight {
     work: Work,
     /// Strand points that its frames need, each once.
     pub points: Vec<u32>,
-    /// Vertices of the head that they show.
-    pub vertices: Vec<u32>,
+    /// What they show of the head.
+    pub head: SeenHead,
     /// GPU milliseconds that it took, as [`Frame::passes`], of which they are a part.
     passes: BTreeMap<&'static str, f64>,
 }
@@ -124,11 +123,6 @@ pub const NEGLIGIBLE: f64 = 1e-3;
 /// Pixels of a frame that are rendered at a time, in bands of whole rows: a band's sums fill a storage buffer of
 /// WebGPU's default limit, 128 MiB, and its visibility buffer takes 0.4 GiB.
 const BAND_PIXELS: u32 = 8 << 20;
-
-/// Of the hair's radius: longest edge of the head's triangles that are drawn, at whose vertices it is lit; and how far
-/// above it rays start.
-const HEAD_EDGE: f32 = 1.0 / 48.0;
-const HEAD_LIFT: f32 = 2e-5;
 
 /// Points that are shaded between two looks at whether to go on: 0.1 s on two cores.
 const POINTS_A_LOOK: u32 = 4096;
@@ -205,15 +199,7 @@ pub struct Renderer {
     pieces: u32,
     /// The same on the GPU; None until they are next drawn.
     ribbons: Option<Ribbons>,
-    head_positions: wgpu::Buffer,
-    head_corners: wgpu::Buffer,
-    head_corner_count: u32,
-    fine_head: FineHead,
-    /// Made when first asked for.
-    head_light: Option<wgpu::ComputePipeline>,
-    head_radiance: wgpu::Buffer,
-    /// Diffuse reflectance of the head, for the light that is set from now on.
-    pub head_albedo: Vec3,
+    head: HeadSurface,
     /// [`NEGLIGIBLE`], or 0 to leave nothing out; for the lights that are set from now on.
     pub negligible: f64,
     /// Traces on the device even where the CPU does so faster.
@@ -246,7 +232,7 @@ pub struct Renderer {
 impl Renderer {
     /// Uploads strands and head; the hair's centre becomes the origin.
     pub fn new(gpu: Gpu, method: &MethodData, stage: &Geometry) -> Result<Renderer> {
-        let Geometry { hair, head, .. } = stage;
+        let Geometry { hair, .. } = stage;
         let center = stage.center;
         let points = hair.points.len() as u32;
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
@@ -268,16 +254,8 @@ impl Renderer {
             .collect();
         let device = &gpu.device;
         let strand_points = strand_points(device, stage);
-        let longest = HEAD_EDGE * stage.radius;
-        let fine_head = head.as_ref().map(|head| FineHead::new(head, longest)).unwrap_or_default();
-        let Head { positions, triangles, .. } = &fine_head.head;
-        let positions: Vec<Vec4> = positions.iter().map(|&p| (p - center).extend(1.0)).collect();
-        let corners: Vec<u32> = triangles.iter().flatten().copied().collect();
-        let head_positions = storage(device, "head positions", bytemuck::cast_slice(&positions));
-        let head_corners = storage(device, "head corners", bytemuck::cast_slice(&corners));
-        let dark = vec![Vec4::ZERO; positions.len()];
-        let head_radiance = storage(device, "head radiance", bytemuck::cast_slice(&dark));
-        let fixed = Fixed::new(device, &gpu.shaders, !corners.is_empty());
+        let head = HeadSurface::new(device, stage);
+        let fixed = Fixed::new(device, &gpu.shaders, head.corner_count > 0);
         Ok(Renderer {
             points,
             center,
@@ -287,13 +265,7 @@ impl Renderer {
             every_segment: segments,
             strand_of,
             strand_points,
-            head_positions,
-            head_corners,
-            head_corner_count: corners.len() as u32,
-            fine_head,
-            head_light: None,
-            head_radiance,
-            head_albedo: stage.head_albedo,
+            head,
             negligible: NEGLIGIBLE,
             trace_on_device: false,
             thinning: 1,
@@ -340,7 +312,7 @@ impl Renderer {
         let before = std::mem::replace(&mut self.gpu.shaders, shaders.clone());
         let compiled = (std::mem::take(&mut self.pipelines), std::mem::take(&mut self.shading));
         let scope = self.gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let fixed = Fixed::new(&self.gpu.device, shaders, self.head_corner_count > 0);
+        let fixed = Fixed::new(&self.gpu.device, shaders, self.head.corner_count > 0);
         self.shading_pipeline(0, false);
         if let Some(error) = pollster::block_on(scope.pop()) {
             self.gpu.shaders = before;
@@ -350,7 +322,7 @@ impl Renderer {
         }
         self.fixed = fixed;
         self.traced.forget_pipelines();
-        self.head_light = None;
+        self.head.forget_pipeline();
         Ok(())
     }
 
@@ -387,15 +359,15 @@ impl Renderer {
         Ok(self.visible(lenses, pieces, samples)?.0)
     }
 
-    /// The same, and the vertices of the head that they show.
+    /// The same, and what they show of the head.
     pub fn visible(
         &mut self,
         lenses: &[Lens],
         pieces: u32,
         samples: u32,
-    ) -> Result<(Vec<u32>, Vec<u32>)> {
-        let work = self.look_through(lenses, pieces, samples)?.0;
-        Ok((work.listed(&self.gpu)?, work.vertices(&self.gpu)?))
+    ) -> Result<(Vec<u32>, SeenHead)> {
+        let (work, sampling, _) = self.look_through(lenses, pieces, samples)?;
+        Ok((work.listed(&self.gpu)?, work.head(&self.gpu, lenses, sampling)?))
     }
 
     fn look_through(
@@ -431,9 +403,10 @@ impl Renderer {
             "a view of {width}x{height} pixels is more than {BAND_PIXELS}: choose a smaller one"
         );
         let (work, sampling, timer) = self.look_through(&[*lens], pieces, samples)?;
-        let (points, vertices) = (work.listed(&self.gpu)?, work.vertices(&self.gpu)?);
+        let points = work.listed(&self.gpu)?;
+        let head = work.head(&self.gpu, &[*lens], sampling)?;
         let passes = timer.read(&self.gpu)?;
-        Ok(Sight { lens: *lens, sampling, work, points, vertices, passes })
+        Ok(Sight { lens: *lens, sampling, work, points, head, passes })
     }
 
     /// The frame of what `sight` saw, in the light that is set at its points, as [`Self::render`] makes it. `go_on` is
@@ -704,86 +677,21 @@ impl Renderer {
         pipeline
     }
 
-    /// Sets the irradiance of the vertices of the stage's head, and adds that of `lights` at `vertices`, or all, of those
-    /// that are drawn: by rays on the device, or by `rays`.
+    /// Sets the irradiance of the vertices of the stage's head, and adds that of `lights` at what is `seen`, or at all
+    /// vertices: by rays on the device, or by `rays`.
+    ///
+    /// # Errors
+    /// The device was lost.
     pub fn light_head(
         &mut self,
         stage: &Geometry,
         irradiance: &[Vec3],
         lights: &[HeadLight],
-        vertices: Option<&[u32]>,
+        seen: Option<&SeenHead>,
         rays: Option<&StrandRays>,
-    ) {
-        let to_radiance = self.head_albedo / std::f32::consts::PI;
-        let mut irradiance = self.fine_head.spread(irradiance);
-        let all: Vec<u32> = (0..irradiance.len() as u32).collect();
-        let vertices = vertices.unwrap_or(&all);
-        let Head { positions, normals, .. } = &self.fine_head.head;
-        let [lift, spread] = [HEAD_LIFT, HEAD_EDGE].map(|share| share * stage.radius);
-        let lit = !lights.is_empty() && !vertices.is_empty() && !irradiance.is_empty();
-        let vertex = |vertex: u32| {
-            let position = positions[vertex as usize] - self.center;
-            HeadVertex { position, vertex, normal: normals[vertex as usize], pad: 0 }
-        };
-        if let Some(rays) = rays.filter(|_| lit) {
-            let of = |&place: &u32| rays.irradiance(&vertex(place), [lift, spread], lights);
-            let found: Vec<Vec3> = vertices.par_iter().map(of).collect();
-            vertices.iter().zip(found).for_each(|(&at, more)| irradiance[at as usize] += more);
-        }
-        let padded: Vec<Vec4> = irradiance.iter().map(|&e| (e * to_radiance).extend(1.0)).collect();
-        self.head_radiance =
-            storage(&self.gpu.device, "head radiance", bytemuck::cast_slice(&padded));
-        if rays.is_some() || !lit {
-            return;
-        }
-        self.traced.prepare(&self.gpu, stage);
-        let seen: Vec<HeadVertex> = vertices.iter().map(|&place| vertex(place)).collect();
-        let Gpu { device, queue, shaders, .. } = &self.gpu;
-        let pipeline = self.head_light.get_or_insert_with(|| {
-            compute_pipeline(
-                device,
-                &module(device, "head light", &shaders.head_light()),
-                "light_head",
-                &[],
-            )
-        });
-        let Some((buffers, head)) = self.traced.met() else { return };
-        let lighting = LightingHead {
-            vertices: seen.len() as u32,
-            lights: lights.len() as u32,
-            lift,
-            spread,
-            to_radiance,
-            pad_2: 0,
-            head,
-            pad_3: [0; 2],
-        };
-        let mut data = bytemuck::bytes_of(&lighting).to_vec();
-        data.extend_from_slice(bytemuck::cast_slice(lights));
-        let [bvh, items, shapes] = buffers;
-        let of_vertices = storage(device, "head vertices", bytemuck::cast_slice(&seen));
-        let lighting = storage(device, "lighting", &data);
-        // Of the strand points, at 2, the shader needs none.
-        let entries = [
-            buffer(0, bvh),
-            buffer(1, items),
-            buffer(3, shapes),
-            buffer(4, &of_vertices),
-            buffer(5, &self.head_radiance),
-            buffer(6, &lighting),
-        ];
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
-        let mut encoder = device.create_command_encoder(&Default::default());
-        let mut pass = begin(&mut encoder, "head light", None);
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups((seen.len() as u32).div_ceil(64), 1, 1);
-        drop(pass);
-        queue.submit([encoder.finish()]);
+    ) -> Result<()> {
+        let Renderer { gpu, traced, head, .. } = self;
+        head.light(irradiance, seen, HeadRayCaster { gpu, stage, traced, host: rays, lights })
     }
 
     /// Sets the map behind the hair: turned by `rotation_rad` about +y, multiplied by `scale`.
@@ -866,10 +774,11 @@ impl Renderer {
                 buffer(0, &view.uniform),
                 texture(1, &work.visibility),
                 buffer(2, &work.radiance),
-                buffer(3, &self.head_radiance),
-                buffer(4, &self.head_corners),
+                buffer(3, &self.head.radiance),
+                buffer(4, &self.head.corners),
                 buffer(6, &work.sum),
                 buffer(7, &work.hair_sum),
+                buffer(8, &self.head.detail),
             ],
         );
         self.over_pixels(encoder, timer, work, "resolve", (&self.fixed.resolve, &resolve));
@@ -957,7 +866,7 @@ impl Renderer {
         let size = [width, band_rows(size)];
         let sampling = Sampling::new(samples, size, edge);
         self.make_ribbons();
-        let counts = [self.points, self.fine_head.head.positions.len() as u32];
+        let counts = [self.points, self.head.triangles() as u32];
         Ok((Work::new(&self.gpu.device, counts, size, sampling.grid), sampling))
     }
 
@@ -985,9 +894,8 @@ impl Renderer {
             texture(0, &work.visibility),
             buffer(1, &work.marks),
             buffer(2, &work.needed),
-            buffer(3, &work.head_marks),
-            buffer(4, &self.head_corners),
-        ];
+            buffer(3, &work.head_seen),
+                    ];
         [
             self.bind_at(&self.fixed.mark, &mark),
             self.bind_at(&self.fixed.plan, &[buffer(2, &work.needed)]),
@@ -1105,19 +1013,19 @@ impl Renderer {
         });
         let [width, height] = view.texels.map(|side| side as f32);
         raster.set_viewport(0.0, 0.0, width, height, 0.0, 1.0);
-        if self.head_corner_count > 0 {
+        if self.head.corner_count > 0 {
             let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("head"),
                 layout: &self.fixed.head.get_bind_group_layout(0),
                 entries: &[
                     buffer(0, &view.uniform),
-                    buffer(3, &self.head_positions),
-                    buffer(4, &self.head_corners),
+                    buffer(3, &self.head.positions),
+                    buffer(4, &self.head.corners),
                 ],
             });
             raster.set_pipeline(&self.fixed.head);
             raster.set_bind_group(0, &group, &[]);
-            raster.draw(0..self.head_corner_count, 0..1);
+            raster.draw(0..self.head.corner_count, 0..1);
         }
         if let Some(ribbons) = self.ribbons.as_ref().filter(|ribbons| ribbons.count > 0) {
             let layout = self.fixed.hair.get_bind_group_layout(0);
@@ -1226,7 +1134,7 @@ struct Work {
     visibility: wgpu::TextureView,
     depth: wgpu::TextureView,
     marks: wgpu::Buffer,
-    head_marks: wgpu::Buffer,
+    head_seen: wgpu::Buffer,
     needed: wgpu::Buffer,
     radiance: wgpu::Buffer,
     sum: wgpu::Buffer,
@@ -1261,7 +1169,7 @@ impl Work {
                 mapped_at_creation: false,
             })
         };
-        let [points, vertices] = counts.map(u64::from);
+        let [points, triangles] = counts.map(u64::from);
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let (nothing, read) = (wgpu::BufferUsages::empty(), wgpu::BufferUsages::COPY_SRC);
         let again = read | wgpu::BufferUsages::COPY_DST;
@@ -1272,7 +1180,7 @@ impl Work {
             visibility: target("visibility", VISIBILITY, wgpu::TextureUsages::TEXTURE_BINDING),
             depth: target("depth", DEPTH, wgpu::TextureUsages::empty()),
             marks: zeros("marks", 4 * points, nothing),
-            head_marks: zeros("head marks", 4 * vertices, read),
+            head_seen: zeros("head seen", 4 * triangles, read),
             needed: zeros("needed", NEEDED_LIST + 4 * points, listed),
             radiance: zeros("radiance", 16 * points, read),
             sum: zeros("sum", 16 * pixels, again),
@@ -1280,10 +1188,15 @@ impl Work {
         }
     }
 
-    /// The vertices of the head that were seen so far.
-    fn vertices(&self, gpu: &Gpu) -> Result<Vec<u32>> {
-        let marks: Vec<u32> = gpu.read(&self.head_marks)?;
-        Ok((0..).zip(marks).filter(|(_, mark)| *mark != 0).map(|(vertex, _)| vertex).collect())
+    /// What was seen of the head so far.
+    fn head(&self, gpu: &Gpu, lenses: &[Lens], sampling: Sampling) -> Result<SeenHead> {
+        let seen: Vec<u32> = gpu.read(&self.head_seen)?;
+        let a_pixel = sampling.passes * sampling.grid * sampling.grid * SAMPLES_PER_TEXEL;
+        let pixels = seen.into_iter().map(|samples| samples as f32 / a_pixel as f32).collect();
+        let pixel = |lens: &Lens| {
+            (2.0 * lens.right.length() * lens.eye.length()) as f32 / lens.size[0] as f32
+        };
+        Ok(SeenHead { pixels, pixel: lenses.iter().map(pixel).fold(f32::INFINITY, f32::min) })
     }
 
     /// The points listed so far.

@@ -130,10 +130,8 @@ pub struct LightingHead {
     pub lights: u32,
     pub lift: f32,
     pub spread: f32,
-    pub to_radiance: Vec3,
-    pub pad_2: u32,
     pub head: [u32; 2],
-    pub pad_3: [u32; 2],
+    pub pad: [u32; 2],
 }
 
 /// Byte offsets in `Needed` (shaders/mark.wgsl).

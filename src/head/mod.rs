@@ -1,19 +1,23 @@
 //! The head: triangles that block light, hide hair, and are lit softly.
 
 pub mod builtin;
+mod detail;
 mod obj;
 mod orient;
 mod place;
 mod rays;
 mod refine;
+mod smooth;
 mod up;
 
 use glam::Vec3;
 
+pub use detail::{Detail, DetailPoint};
 pub use obj::{LoadedHead, load};
 pub use place::{Fit, Placement, Surface, Wanted, fit_builtin};
 pub use rays::HeadRays;
 pub use refine::FineHead;
+pub use smooth::SurfacePlace;
 pub use up::{Up, check_scale};
 
 /// Diffuse reflectance of a head of which nothing else is said, linear RGB: warm clay.

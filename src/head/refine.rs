@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 
-use super::Head;
+use super::{Head, SurfacePlace};
 
 /// Edges are halved so often at most, and no more vertices are made than this.
 const ROUNDS: usize = 8;
@@ -14,14 +14,15 @@ const MOST_VERTICES: usize = 1 << 19;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FineHead {
     pub head: Head,
-    /// Of each vertex that was added: the two that it lies between.
-    parents: Vec<[u32; 2]>,
+    /// Where each vertex lies on the head that this was made of.
+    pub places: Vec<SurfacePlace>,
 }
 
 impl FineHead {
     /// Halves edges that are longer than `longest` (world units) until none is.
     pub fn new(head: &Head, longest: f32) -> FineHead {
-        let mut fine = FineHead { head: head.clone(), parents: Vec::new() };
+        let places = (0..head.positions.len()).map(|vertex| SurfacePlace::vertex(vertex as u32)).collect();
+        let mut fine = FineHead { head: head.clone(), places };
         for _ in 0..ROUNDS {
             if !fine.halve(longest) {
                 break;
@@ -32,7 +33,7 @@ impl FineHead {
 
     /// Whether there was an edge to halve.
     fn halve(&mut self, longest: f32) -> bool {
-        let FineHead { head, parents } = self;
+        let FineHead { head, places } = self;
         let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
         let mut triangles = Vec::with_capacity(head.triangles.len());
         for triangle in std::mem::take(&mut head.triangles) {
@@ -49,7 +50,7 @@ impl FineHead {
                 let [m, n] = ends.map(|i| head.normals[i as usize]);
                 head.positions.push(0.5 * (p + q));
                 head.normals.push((m + n).try_normalize().unwrap_or(m));
-                parents.push(ends);
+                places.push(SurfacePlace::mix(ends.map(|i| (0.5, places[i as usize]))));
                 let place = head.positions.len() as u32 - 1;
                 middles.insert(ends, place);
                 Some(place)
@@ -62,13 +63,10 @@ impl FineHead {
 
     /// Values at the vertices of the head that this was made of, at all vertices.
     pub fn spread(&self, values: &[Vec3]) -> Vec<Vec3> {
-        let mut all = values.to_vec();
-        if !values.is_empty() {
-            for [a, b] in self.parents.iter().map(|ends| ends.map(|i| i as usize)) {
-                all.push(0.5 * (all[a] + all[b]));
-            }
+        match values {
+            [] => Vec::new(),
+            values => self.places.iter().map(|place| place.of(values)).collect(),
         }
-        all
     }
 }
 

@@ -544,14 +544,13 @@ impl Session {
     }
 
     fn color_head(&mut self, scene: &Scene, say: Say) {
-        let (Some(body), Some(renderer)) = (&mut self.body, &mut self.gpu) else { return };
+        let Some(body) = &mut self.body else { return };
         let albedo = scene.head.albedo();
         if body.it.stage.head_albedo == albedo {
             return;
         }
         let mut stage = Geometry::clone(&body.it.stage);
         stage.head_albedo = albedo;
-        renderer.it.head_albedo = albedo;
         body.it.stage = Arc::new(stage);
         self.field = None;
         self.hurry_ready = None;
@@ -673,7 +672,7 @@ impl Session {
             body.medium.compute_coarse(stage, lit, &points);
             renderer.set_thinning(thinning as u32);
             renderer.negligible = HURRY_NEGLIGIBLE;
-            lit.show_coarse(stage, renderer, &points);
+            lit.show_coarse(stage, renderer, &points)?;
         }
         if !asked.multiple() {
             renderer.clear_field();
@@ -733,7 +732,7 @@ impl Session {
         let Some((body, renderer, lit, method)) = self.parts(turned) else { bail!("no hair") };
         let shown = field.as_ref().and_then(|made| made.it.as_ref());
         let at = (&*body.stage, &body.medium);
-        let seen = (&sight.points[..], Some(&sight.vertices[..]));
+        let seen = (&sight.points[..], Some(&sight.head));
         let lit = lit.show_at(at, renderer, method, shown, seen, settings.rays, &|done| {
             say(Said::Progress("light through hair", done));
             go_on()

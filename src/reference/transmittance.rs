@@ -44,40 +44,37 @@ impl StrandRays {
         }
     }
 
-    /// Irradiance, linear RGB, that comes of `lights` to a vertex of the head; rays start `lift` above it, within a square
-    /// of `spread` a side.
+    /// Irradiance that a light of radiance 1 brings to a place on the head; rays start `lift` above it, within a square of
+    /// `spread` a side.
     pub fn irradiance(
         &self,
         vertex: &HeadVertex,
         [lift, spread]: [f32; 2],
-        lights: &[HeadLight],
-    ) -> Vec3 {
+        one: &HeadLight,
+    ) -> f32 {
         let HeadVertex { position, normal, .. } = *vertex;
         let above = position + lift * normal;
         let (x, y) = normals(normal);
-        let of = |one: &HeadLight| {
-            let light = &one.light;
-            let mut sum = 0.0;
-            for k in 0..light.rays {
-                let [across, down, _] = draws::draw_of(1, 0, k).map(|draw| spread * (draw - 0.5));
-                let origin = above + across * x + down * y;
-                let aim = draws::aim(light, origin, draws::draw_of(0, 0, k));
-                let cosine = normal.dot(aim.direction);
-                if cosine <= 0.0 || aim.distance <= 0.0 {
-                    continue;
-                }
-                let from =
-                    |origin| StrandRay::along(origin, 0.0, NO_STRAND, aim.direction, aim.distance);
-                // A vertex stands for what is about it, but the surface would shade itself.
-                let open = !self.strands.occluded(&from(origin))
-                    && !self.head.as_ref().is_some_and(|head| head.occluded(&from(above).ray));
-                sum += if open { cosine } else { 0.0 };
+        let light = &one.light;
+        let mut sum = 0.0;
+        for k in 0..light.rays {
+            let [across, down, _] = draws::draw_of(1, 0, k).map(|draw| spread * (draw - 0.5));
+            let origin = above + across * x + down * y;
+            let aim = draws::aim(light, origin, draws::draw_of(0, 0, k));
+            let cosine = normal.dot(aim.direction);
+            if cosine <= 0.0 || aim.distance <= 0.0 {
+                continue;
             }
-            let energy =
-                if one.energy < 0.0 { draws::solid_angle(light, above) } else { one.energy };
-            energy * sum / light.rays as f32 * one.rgb
-        };
-        lights.iter().map(of).sum()
+            let from =
+                |origin| StrandRay::along(origin, 0.0, NO_STRAND, aim.direction, aim.distance);
+            // The place stands for what is about it, but the surface would shade itself.
+            let open = !self.head.as_ref().is_some_and(|head| head.occluded(&from(above).ray))
+                && !self.strands.occluded(&from(origin));
+            sum += if open { cosine } else { 0.0 };
+        }
+        let energy =
+            if one.energy < 0.0 { draws::solid_angle(light, above) } else { one.energy };
+        energy * sum / light.rays as f32
     }
 
     /// Adds the rays that `light` asks for to the words of a block of `points`; `counts`: whether to count strands.

@@ -100,7 +100,10 @@ impl TracedLight {
     }
 }
 
-/// A light that the head's vertices look for by rays: `HeadLight` of shaders/head_light.wgsl.
+/// Lights that places on the head look for by rays, at most: bits of a word.
+pub const HEAD_LIGHTS: usize = 32;
+
+/// A light that places on the head look for by rays: `HeadLight` of shaders/head_light.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct HeadLight {
@@ -111,13 +114,14 @@ pub struct HeadLight {
     pub energy: f32,
 }
 
-/// A vertex of the head: `HeadVertex` of shaders/head_light.wgsl.
+/// A place on the head: `HeadVertex` of shaders/head_light.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct HeadVertex {
     /// Relative to the hair's centre.
     pub position: Vec3,
-    pub vertex: u32,
+    /// Bit by bit, which lights are looked for.
+    pub lights: u32,
     pub normal: Vec3,
     pub pad: u32,
 }

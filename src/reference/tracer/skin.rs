@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3, Vec3A};
 use obvhs::ray::Ray;
 
 use super::strands::StrandRay;
-use crate::head::{Head, HeadRays};
+use crate::head::{Head, HeadRays, SurfacePlace};
 
 /// Rays leave the head from so far above it, over the size of its box.
 const LIFT: f32 = 1e-5;
@@ -15,21 +15,21 @@ pub struct Skin<'a> {
     /// Diffuse reflectance, linear RGB in [0, 1].
     pub albedo: DVec3,
     rays: HeadRays,
+    center: Vec3,
     lift: f32,
 }
 
 /// Where a ray met the head.
 #[derive(Clone, Copy, Debug)]
 pub struct SkinPoint {
-    /// Just above the surface, relative to the centre.
+    /// Just above the smooth surface (see `SurfacePlace::lifted`), relative to the centre.
     origin: Vec3,
-    /// Unit normals of the triangle and of the smooth surface, on the viewer's side.
-    facet: DVec3,
+    /// Unit normal of the smooth surface, on the viewer's side.
     pub normal: DVec3,
 }
 
 impl SkinPoint {
-    /// Just above the surface, relative to the centre.
+    /// Just above the smooth surface, relative to the centre.
     pub fn place(&self) -> DVec3 {
         self.origin.as_dvec3()
     }
@@ -37,11 +37,10 @@ impl SkinPoint {
     /// cosθ/π, which is both what diffuse reflection sends along unit `omega` for an albedo of 1 and the
     /// density of [`Self::sample`].
     pub fn cosine(&self, omega: DVec3) -> f64 {
-        let above = self.facet.dot(omega) > 0.0;
-        if above { self.normal.dot(omega).max(0.0) / std::f64::consts::PI } else { 0.0 }
+        self.normal.dot(omega).max(0.0) / std::f64::consts::PI
     }
 
-    /// A direction with density cosθ/π from two uniform numbers; it may lie beneath the triangle.
+    /// A direction with density cosθ/π from two uniform numbers.
     pub fn sample(&self, u: [f64; 2]) -> DVec3 {
         let (x, y) = self.normal.any_orthonormal_pair();
         let (sin, cos) = (std::f64::consts::TAU * u[1]).sin_cos();
@@ -59,7 +58,7 @@ impl<'a> Skin<'a> {
     pub fn new(head: &'a Head, albedo: Vec3, center: Vec3) -> Skin<'a> {
         let rays = HeadRays::new(head, center);
         let lift = LIFT * rays.size().max_element().max(0.0);
-        Skin { head, albedo: albedo.as_dvec3(), rays, lift }
+        Skin { head, albedo: albedo.as_dvec3(), rays, center, lift }
     }
 
     /// Corners of the box around the head.
@@ -81,14 +80,25 @@ impl<'a> Skin<'a> {
     pub fn skin_point(&self, id: usize, t: f32, ray: &Ray) -> SkinPoint {
         let (triangle, place) = self.rays.triangle(id);
         let corners = self.head.triangles[place];
-        let [a, b, c] = corners.map(|i| self.head.normals[i as usize]);
-        let at = triangle.compute_barycentric(ray);
+        let place = Vec3::from(ray.origin + t * ray.direction);
+        let weights = barycentrics([triangle.v0, triangle.v1, triangle.v2].map(Vec3::from), place);
         let facing = |n: DVec3, d: DVec3| if n.dot(d) > 0.0 { -n } else { n };
         let d = DVec3::from(Vec3::from(ray.direction));
         let facet = facing(DVec3::from(Vec3::from(triangle.compute_normal())), d);
-        let smooth = (a * (1.0 - at.x - at.y) + b * at.x + c * at.y).as_dvec3();
-        let smooth = smooth.try_normalize().unwrap_or(facet);
-        let origin = Vec3::from(ray.origin + t * ray.direction) + self.lift * facet.as_vec3();
-        SkinPoint { origin, facet, normal: facing(smooth, -facet) }
+        let at = SurfacePlace::on(corners, weights);
+        let smooth = at.of(&self.head.normals).as_dvec3().try_normalize().unwrap_or(facet);
+        let normal = facing(smooth, -facet);
+        let side = if normal.dot(smooth) < 0.0 { -1.0 } else { 1.0 };
+        let lifted = at.lifted(self.head, side) - self.center;
+        SkinPoint { origin: lifted + self.lift * facet.as_vec3(), normal }
     }
+}
+
+/// Weights of the corners at a place on their triangle. (`obvhs` has them off by the triangle's size.)
+fn barycentrics([a, b, c]: [Vec3; 3], place: Vec3) -> [f32; 3] {
+    let [a, b, c] = [a, b, c].map(|corner| (corner - place).as_dvec3());
+    let normal = (b - a).cross(c - a);
+    let whole = normal.length_squared().max(f64::MIN_POSITIVE);
+    let [v, w] = [c.cross(a), a.cross(b)].map(|part| (part.dot(normal) / whole).clamp(0.0, 1.0));
+    [(1.0 - v - w).max(0.0) as f32, v as f32, w as f32]
 }

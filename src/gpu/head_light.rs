@@ -1,0 +1,313 @@
+//! The head that is drawn, and the light on it: at vertices, and at points as dense as pixels where shadows begin and end.
+
+use anyhow::Result;
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::Gpu;
+use super::resources::*;
+use super::transmittance::PointTransmittance;
+use super::uniforms::LightingHead;
+use crate::head::{Detail, DetailPoint, FineHead, Head, SurfacePlace};
+use crate::reference::transmittance::StrandRays;
+use crate::stage::Geometry;
+use crate::transport::draws::{HeadLight, HeadVertex};
+
+/// Of the hair's radius: longest edge of the triangles that are drawn; and how far above them rays start.
+const EDGE: f32 = 1.0 / 48.0;
+const LIFT: f32 = 2e-5;
+/// A light whose irradiance differs by more than this share of the mean, that of all lights, between the corners of a
+/// triangle is looked for at points between.
+const CONTRAST: f32 = 0.05;
+/// Triangles that cover less than so much of a pixel stay as they are.
+const LEAST_PIXELS: f32 = 0.5;
+/// Points along an edge between vertices, at most.
+const MOST_ACROSS: f32 = 8.0;
+
+/// What cameras see of the head.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SeenHead {
+    /// Pixels that each triangle covers, those of all cameras together.
+    pub pixels: Vec<f32>,
+    /// A pixel's side at the head, world units.
+    pub pixel: f32,
+}
+
+/// See the module.
+pub(super) struct HeadSurface {
+    fine: FineHead,
+    center: Vec3,
+    pub positions: wgpu::Buffer,
+    pub corners: wgpu::Buffer,
+    pub corner_count: u32,
+    /// At vertices, then at points between them.
+    pub radiance: wgpu::Buffer,
+    /// Which those are: `Detail` of shaders/resolve.wgsl.
+    pub detail: wgpu::Buffer,
+    /// Made when first asked for.
+    pipeline: Option<wgpu::ComputePipeline>,
+}
+
+/// What finds light, and how.
+pub(super) struct HeadRayCaster<'a> {
+    pub gpu: &'a Gpu,
+    pub stage: &'a Geometry,
+    /// What the device meets.
+    pub traced: &'a mut PointTransmittance,
+    /// What traces in the device's place.
+    pub host: Option<&'a StrandRays>,
+    /// [`HEAD_LIGHTS`](crate::transport::draws::HEAD_LIGHTS) at most.
+    pub lights: &'a [HeadLight],
+}
+
+impl HeadSurface {
+    pub fn new(device: &wgpu::Device, stage: &Geometry) -> HeadSurface {
+        let longest = EDGE * stage.radius;
+        let fine = stage.head.as_ref().map(|head| FineHead::new(head, longest)).unwrap_or_default();
+        let Head { positions, triangles, .. } = &fine.head;
+        let center = stage.center;
+        let places: Vec<Vec4> = positions.iter().map(|&p| (p - center).extend(1.0)).collect();
+        let corners: Vec<u32> = triangles.iter().flatten().copied().collect();
+        let dark = vec![Vec4::ZERO; positions.len()];
+        HeadSurface {
+            center,
+            positions: storage(device, "head positions", bytemuck::cast_slice(&places)),
+            corners: storage(device, "head corners", bytemuck::cast_slice(&corners)),
+            corner_count: corners.len() as u32,
+            radiance: storage(device, "head radiance", bytemuck::cast_slice(&dark)),
+            detail: detail_buffer(device, &Detail::default(), 0),
+            pipeline: None,
+            fine,
+        }
+    }
+
+    pub fn triangles(&self) -> usize {
+        self.fine.head.triangles.len()
+    }
+
+    /// Compiles anew when it is next needed.
+    pub fn forget_pipeline(&mut self) {
+        self.pipeline = None;
+    }
+
+    /// Sets the irradiance of the vertices of the stage's head, and adds that of the caster's lights at what is seen, or
+    /// at all vertices.
+    ///
+    /// # Errors
+    /// The device was lost.
+    pub fn light(
+        &mut self,
+        irradiance: &[Vec3],
+        seen: Option<&SeenHead>,
+        mut caster: HeadRayCaster,
+    ) -> Result<()> {
+        let mut all = self.fine.spread(irradiance);
+        let vertices = all.len() as u32;
+        let mut detail = Detail::default();
+        if let Some(head) = &caster.stage.head
+            && !caster.lights.is_empty()
+        {
+            let of_vertices = self.at_vertices(head, seen, &mut caster)?;
+            if let Some(seen) = seen {
+                detail = self.wanted_detail(&all, &of_vertices, seen, &caster);
+                let more = self.at_detail(head, &detail, &all, &of_vertices, &mut caster)?;
+                all.extend(more);
+            }
+            let sums = of_vertices.chunks(caster.lights.len()).map(|of| caster.sum(of));
+            all.iter_mut().zip(sums).for_each(|(all, sum)| *all += sum);
+        }
+        let to_radiance = caster.stage.head_albedo / std::f32::consts::PI;
+        let padded: Vec<Vec4> = all.iter().map(|&e| (e * to_radiance).extend(1.0)).collect();
+        let device = &caster.gpu.device;
+        self.radiance = storage(device, "head radiance", bytemuck::cast_slice(&padded));
+        self.detail = detail_buffer(device, &detail, vertices);
+        Ok(())
+    }
+
+    /// What each light of radiance 1 brings to each vertex that is seen, vertex by vertex; 0 at others.
+    fn at_vertices(
+        &mut self,
+        head: &Head,
+        seen: Option<&SeenHead>,
+        caster: &mut HeadRayCaster,
+    ) -> Result<Vec<f32>> {
+        let triangles = &self.fine.head.triangles;
+        let mut shown = vec![seen.is_none(); self.fine.places.len()];
+        if let Some(seen) = seen {
+            let covered = triangles.iter().zip(&seen.pixels).filter(|(_, pixels)| **pixels > 0.0);
+            let corners = covered.flat_map(|(corners, _)| corners);
+            corners.for_each(|&vertex| shown[vertex as usize] = true);
+        }
+        let vertices: Vec<usize> = (0..shown.len()).filter(|&vertex| shown[vertex]).collect();
+        let of = |&vertex: &usize| self.vertex(head, &self.fine.places[vertex], u32::MAX);
+        let places: Vec<HeadVertex> = vertices.par_iter().map(of).collect();
+        let found = caster.irradiance(&mut self.pipeline, &places, EDGE * caster.stage.radius)?;
+        let lights = caster.lights.len();
+        let mut all = vec![0.0; shown.len() * lights];
+        for (vertex, found) in vertices.into_iter().zip(found.chunks(lights)) {
+            all[vertex * lights..][..lights].copy_from_slice(found);
+        }
+        Ok(all)
+    }
+
+    /// A lattice where light that is seen differs much from corner to corner.
+    fn wanted_detail(
+        &self,
+        rest: &[Vec3],
+        of_vertices: &[f32],
+        seen: &SeenHead,
+        caster: &HeadRayCaster,
+    ) -> Detail {
+        let edge = EDGE * caster.stage.radius / seen.pixel.max(f32::MIN_POSITIVE);
+        let across = edge.log2().round().exp2().clamp(1.0, MOST_ACROSS) as u32;
+        let triangles = &self.fine.head.triangles;
+        let large = (0u32..).zip(&seen.pixels).filter(|(_, pixels)| **pixels > LEAST_PIXELS);
+        let large: Vec<u32> = large.map(|(triangle, _)| triangle).collect();
+        if across < 2 || large.is_empty() {
+            return Detail::default();
+        }
+        let lights = caster.lights.len();
+        let of = |vertex: u32| &of_vertices[vertex as usize * lights..][..lights];
+        let whole = |vertex: u32| (rest[vertex as usize] + caster.sum(of(vertex))).element_sum();
+        let corners = || large.iter().flat_map(|&triangle| triangles[triangle as usize]);
+        let mean = corners().map(whole).sum::<f32>() / corners().count() as f32;
+        let rough = |&triangle: &u32| {
+            let lights = caster.differing(triangles[triangle as usize].map(of), CONTRAST * mean);
+            (lights != 0).then_some((triangle, lights))
+        };
+        let rough: Vec<(u32, u32)> = large.iter().filter_map(rough).collect();
+        Detail::new(&self.fine, across, &rough)
+    }
+
+    /// Irradiance at the points of a lattice: of the lights that differ by rays, of others between corners.
+    fn at_detail(
+        &mut self,
+        head: &Head,
+        detail: &Detail,
+        rest: &[Vec3],
+        of_vertices: &[f32],
+        caster: &mut HeadRayCaster,
+    ) -> Result<Vec<Vec3>> {
+        let place = |point: &DetailPoint| detail.place(&self.fine, point);
+        let of = |point: &DetailPoint| self.vertex(head, &place(point), point.lights);
+        if std::env::var("HL_DEBUG").is_ok() { eprintln!("vertices {} lattice {} across {} lights {} rays {} detail rays {}", self.fine.places.len(), detail.points.len(), detail.across, caster.lights.len(), caster.lights.iter().map(|l| l.light.rays).sum::<u32>(), detail.points.iter().map(|p| (0..caster.lights.len()).filter(|j| p.lights>>j&1==1).map(|j| caster.lights[j].light.rays).sum::<u32>()).sum::<u32>()); }
+        let places: Vec<HeadVertex> = detail.points.par_iter().map(of).collect();
+        let spread = EDGE * caster.stage.radius / detail.across as f32;
+        let mut found = caster.irradiance(&mut self.pipeline, &places, spread)?;
+        let lights = caster.lights.len();
+        let between = |(point, found): (&DetailPoint, &mut [f32])| {
+            let mut sum = Vec3::ZERO;
+            let corners = detail.corners(&self.fine, point);
+            for (vertex, share) in corners {
+                sum += share * rest[vertex as usize];
+                let known = &of_vertices[vertex as usize * lights..][..lights];
+                for (j, found) in found.iter_mut().enumerate() {
+                    let looked_for = point.lights >> j & 1 == 1;
+                    *found += if looked_for { 0.0 } else { share * known[j] };
+                }
+            }
+            sum + caster.sum(found)
+        };
+        Ok(detail.points.iter().zip(found.chunks_mut(lights)).map(between).collect())
+    }
+
+    /// A place on `head`, the one that this was made of, as rays leave it.
+    fn vertex(&self, head: &Head, place: &SurfacePlace, lights: u32) -> HeadVertex {
+        let position = place.lifted(head, 1.0) - self.center;
+        let normal = place.of(&head.normals).normalize_or(Vec3::Y);
+        HeadVertex { position, lights, normal, pad: 0 }
+    }
+}
+
+/// As the shader has it, of points that come after so many vertices.
+fn detail_buffer(device: &wgpu::Device, detail: &Detail, vertices: u32) -> wgpu::Buffer {
+    let head = [detail.across, vertices];
+    let mut words: Vec<u32> = head.into_iter().chain(detail.words.iter().copied()).collect();
+    words.resize(words.len().max(3), 0);
+    storage(device, "head detail", bytemuck::cast_slice(&words))
+}
+
+impl HeadRayCaster<'_> {
+    /// Irradiance of what the lights bring, each by itself.
+    fn sum(&self, of_lights: &[f32]) -> Vec3 {
+        self.lights.iter().zip(of_lights).map(|(light, &of)| of * light.rgb).sum()
+    }
+
+    /// Bit by bit, of which lights the corners of a triangle have irradiances (R + G + B) that differ by more than `most`.
+    fn differing(&self, corners: [&[f32]; 3], most: f32) -> u32 {
+        let differs = |j: usize| {
+            let of = corners.map(|of| of[j]);
+            let range = of.iter().copied().fold(0.0, f32::max)
+                - of.iter().copied().fold(f32::INFINITY, f32::min);
+            range * self.lights[j].rgb.element_sum() > most
+        };
+        (0..self.lights.len()).filter(|&j| differs(j)).fold(0, |bits, j| bits | 1 << j)
+    }
+
+    /// What each of the lights brings to places on the head, place by place, were its radiance 1; each stands for a square
+    /// of `spread` a side.
+    fn irradiance(
+        &mut self,
+        pipeline: &mut Option<wgpu::ComputePipeline>,
+        vertices: &[HeadVertex],
+        spread: f32,
+    ) -> Result<Vec<f32>> {
+        let lift = LIFT * self.stage.radius;
+        if vertices.is_empty() {
+            return Ok(Vec::new());
+        }
+        if let Some(rays) = self.host {
+            let of = |vertex: &HeadVertex| {
+                let looked_for = |j: usize| vertex.lights >> j & 1 == 1;
+                let of = |j| rays.irradiance(vertex, [lift, spread], &self.lights[j]);
+                let all = (0..self.lights.len()).map(|j| if looked_for(j) { of(j) } else { 0.0 });
+                all.collect::<Vec<f32>>()
+            };
+            return Ok(vertices.par_iter().flat_map_iter(of).collect());
+        }
+        self.traced.prepare(self.gpu, self.stage);
+        let Some((buffers, head)) = self.traced.met() else { return Ok(Vec::new()) };
+        let Gpu { device, queue, shaders, .. } = self.gpu;
+        let pipeline = pipeline.get_or_insert_with(|| {
+            let module = module(device, "head light", &shaders.head_light());
+            compute_pipeline(device, &module, "light_head", &[])
+        });
+        let lights = self.lights.len() as u32;
+        let count = vertices.len() as u32;
+        let lighting = LightingHead { vertices: count, lights, lift, spread, head, pad: [0; 2] };
+        let mut data = bytemuck::bytes_of(&lighting).to_vec();
+        data.extend_from_slice(bytemuck::cast_slice(self.lights));
+        let [bvh, items, shapes] = buffers;
+        let of_vertices = storage(device, "head vertices", bytemuck::cast_slice(&vertices));
+        let lighting = storage(device, "lighting", &data);
+        let found = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("head irradiance"),
+            size: 4 * u64::from(count) * u64::from(lights),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        // Of the strand points, at 2, the shader needs none.
+        let entries = [
+            buffer(0, bvh),
+            buffer(1, items),
+            buffer(3, shapes),
+            buffer(4, &of_vertices),
+            buffer(5, &found),
+            buffer(6, &lighting),
+        ];
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let mut encoder = device.create_command_encoder(&Default::default());
+        let mut pass = begin(&mut encoder, "head light", None);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        let groups = count.div_ceil(64);
+        pass.dispatch_workgroups(groups.min(4096), groups.div_ceil(4096), 1);
+        drop(pass);
+        queue.submit([encoder.finish()]);
+        self.gpu.read(&found)
+    }
+}
