@@ -23,7 +23,7 @@ use crate::transport::{Brought, CELLS, Occluders, TransmittanceMoments, near, tr
 /// Lobes wider than this, and lights of less than this share of all energy, throw no shadow on the head that an eye would
 /// miss: a volume of hair does for them.
 const CRISP_LAMBDA: f64 = 0.3;
-const CRISP_SHARE: f64 = 3e-3;
+const CRISP_SHARE: f64 = 1e-2;
 /// Rays of a light at a vertex of the head: for so much of its bandwidth one, at least and at most so many. All vertices
 /// look for it in the same directions, so that its shadows are copies of each other and no noise.
 const HEAD_RAY_LAMBDA: f64 = 0.03;

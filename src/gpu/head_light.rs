@@ -14,7 +14,7 @@ use crate::stage::Geometry;
 use crate::transport::draws::{HeadLight, HeadVertex};
 
 /// Of the hair's radius: longest edge of the triangles that are drawn; and how far above them rays start.
-const EDGE: f32 = 1.0 / 48.0;
+const EDGE: f32 = 1.0 / 24.0;
 const LIFT: f32 = 2e-5;
 /// A light whose irradiance differs by more than this share of the mean, that of all lights, between the corners of a
 /// triangle is looked for at points between.
