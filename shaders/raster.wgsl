@@ -7,43 +7,53 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> strand_points: array<vec4f>;   // position, diameter; tangent, twist
-@group(0) @binding(2) var<storage, read> segments: array<u32>;          // first point of each segment
+@group(0) @binding(2) var<storage, read> segments: array<u32>;          // first point of each segment, last of each run
 
 struct Vertex {
     @builtin(position) clip: vec4f,
-    @location(0) @interpolate(flat) id: u32,
+    @location(0) @interpolate(flat) id: u32,    // twice the segment's first point, and whether its fraction runs back
     @location(1) fraction: vec2f,
 }
 
-// A segment has 2 (pieces + 1) vertices, left and right of the curve in turn. Indices join them: one indexed
-// draw is four times as fast as an instance a segment on lavapipe.
+// Left and right of the curve in turn, at the start of each piece; the end of a segment is the start of the next, which
+// follows it in the list, or of a segment that is not drawn, where a strand ends. Indices join them: one indexed draw is
+// four times as fast as an instance a segment on lavapipe.
 @vertex
 fn hair_vertex(@builtin(vertex_index) index: u32) -> Vertex {
-    let per_segment = 2u * (view.pieces + 1u);
-    let first = segments[index / per_segment];
-    let vertex = index % per_segment;
+    let entry = index / (2u * view.pieces);
+    let piece = index / 2u % view.pieces;
+    let first = segments[entry];
     let a = strand_points[2u * first];
     let b = strand_points[2u * first + 2u];
     let chord = distance(a.xyz, b.xyz);
     let tangent_a = chord * strand_points[2u * first + 1u].xyz;
     let tangent_b = chord * strand_points[2u * first + 3u].xyz;
-    let s = f32(vertex / 2u) / f32(view.pieces);
+    let s = f32(piece) / f32(view.pieces);
     let r = 1.0 - s;
     let center = r * r * (1.0 + 2.0 * s) * a.xyz + s * r * r * tangent_a
         + s * s * (3.0 - 2.0 * s) * b.xyz - s * s * r * tangent_b;
-    let along = 6.0 * s * r * (b.xyz - a.xyz)
+    let slope = 6.0 * s * r * (b.xyz - a.xyz)
         + r * (1.0 - 3.0 * s) * tangent_a + s * (3.0 * s - 2.0) * tangent_b;
+    // What follows the last point of a strand is not its own.
+    let along = select(slope, strand_points[2u * first + 1u].xyz, piece == 0u);
     let across = cross(along, view.eye - center);
     // Seen end on, a strand has no width to speak of; any side will do.
     let side = across / max(length(across), 1e-30);
     let half_width = 0.5 * view.widened * mix(a.w, b.w, s);
-    let offset = select(-half_width, half_width, (vertex & 1u) == 1u);
-    return Vertex(view.clip_from_pos * vec4f(center + offset * side, 1.0), first, vec2f(s, 0.0));
+    let offset = select(-half_width, half_width, (index & 1u) == 1u);
+    // Back and forth, since a vertex is the end of one segment and the start of the next.
+    let odd = entry & 1u;
+    return Vertex(
+        view.clip_from_pos * vec4f(center + offset * side, 1.0),
+        first << 1u | odd,
+        vec2f(select(s, 1.0 - s, odd == 1u), 0.0),
+    );
 }
 
 @fragment
 fn hair_fragment(in: Vertex) -> @location(0) vec4u {
-    return encode_seen(HAIR, in.id, in.fraction);
+    let s = select(in.fraction.x, 1.0 - in.fraction.x, (in.id & 1u) == 1u);
+    return encode_seen(HAIR, in.id >> 1u, vec2f(s, 0.0));
 }
 
 @group(0) @binding(3) var<storage, read> head_positions: array<vec4f>;

@@ -1111,17 +1111,26 @@ impl Ribbons {
     const BYTES_PER_PIECE: u64 = 24;
 
     fn new(device: &wgpu::Device, segments: &[u32], pieces: u32) -> Ribbons {
-        let quad = |first: u32| [first, first + 1, first + 2, first + 2, first + 1, first + 3];
-        let indices: Vec<u32> = (0..segments.len() as u32)
-            .flat_map(|segment| (0..pieces).map(move |piece| 2 * (segment * (pieces + 1) + piece)))
-            .flat_map(quad)
-            .collect();
+        // Segments that follow each other share a vertex; after the last of a run its end comes.
+        let mut entries: Vec<u32> = Vec::with_capacity(segments.len() + segments.len() / 8);
+        let mut indices: Vec<u32> = Vec::with_capacity(6 * segments.len() * pieces as usize);
+        for (at, &first) in segments.iter().enumerate() {
+            let pairs = entries.len() as u32 * pieces;
+            entries.push(first);
+            // The first vertex of a triangle says which segment it is of.
+            for left in (pairs..pairs + pieces).map(|pair| 2 * pair) {
+                indices.extend([left, left + 1, left + 2, left + 1, left + 3, left + 2]);
+            }
+            if segments.get(at + 1) != Some(&(first + 1)) {
+                entries.push(first + 1);
+            }
+        }
         let buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("ribbons"),
             contents: bytemuck::cast_slice(&indices),
             usage: wgpu::BufferUsages::INDEX,
         });
-        let segments = storage(device, "segments", bytemuck::cast_slice(segments));
+        let segments = storage(device, "segments", bytemuck::cast_slice(&entries));
         Ribbons { segments, indices: buffer, count: indices.len() as u32 }
     }
 }
