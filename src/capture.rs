@@ -112,7 +112,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let lights =
         Lights { lamps: stage.near_lamps(scene), distant: shaded_lights(&fit.lights, scene) };
     renderer.negligible = settings.negligible;
-    let medium = HairMedium::new(&stage, parts.multiple());
+    let medium = HairMedium::with_rays(&stage, parts.multiple(), &renderer);
     let lit = clock
         .watch("light transport", |progress| medium.bring(&stage, lights, &points, progress))?;
     let lights = lit.lobes(&stage);

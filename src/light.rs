@@ -67,6 +67,16 @@ impl HairMedium {
         HairMedium { volume, grid, head: OnceLock::new(), rays: OnceLock::new() }
     }
 
+    /// The same, with what [`Self::rays`] will be asked for made beside it.
+    pub fn with_rays(stage: &Geometry, multiple: bool, renderer: &Renderer) -> HairMedium {
+        if !renderer.traces_on_cpu() {
+            return Self::new(stage, multiple);
+        }
+        let (medium, rays) =
+            rayon::join(|| Self::new(stage, multiple), || StrandRays::new(stage));
+        HairMedium { rays: OnceLock::from(rays), ..medium }
+    }
+
     /// Brings lights to the inside of the hair and to the head; they are to be shown at the strand points `points`.
     ///
     /// # Errors

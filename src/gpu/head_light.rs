@@ -18,7 +18,7 @@ const EDGE: f32 = 1.0 / 24.0;
 const LIFT: f32 = 2e-5;
 /// A light whose irradiance differs by more than this share of the mean, that of all lights, between the corners of a
 /// triangle is looked for at points between.
-const CONTRAST: f32 = 0.05;
+const CONTRAST: f32 = 0.08;
 /// Triangles that cover less than so much of a pixel stay as they are.
 const LEAST_PIXELS: f32 = 0.5;
 /// Points along an edge between vertices, at most.
