@@ -72,8 +72,7 @@ impl HairMedium {
         if !renderer.traces_on_cpu() {
             return Self::new(stage, multiple);
         }
-        let (medium, rays) =
-            rayon::join(|| Self::new(stage, multiple), || StrandRays::new(stage));
+        let (medium, rays) = rayon::join(|| Self::new(stage, multiple), || StrandRays::new(stage));
         HairMedium { rays: OnceLock::from(rays), ..medium }
     }
 

@@ -36,6 +36,7 @@ mod reference_models;
 mod reference_tracer;
 mod scattering;
 mod scene;
+mod smooth_head;
 mod srbf;
 mod strays;
 mod tints;

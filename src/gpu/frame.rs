@@ -15,9 +15,7 @@ use super::resources::*;
 use super::shaders::Shaders;
 use super::timer::PassTimer;
 use super::transmittance::{PointTransmittance, Table, known_table};
-use super::uniforms::{
-    LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
-};
+use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform};
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::hair::normals;
@@ -895,7 +893,7 @@ impl Renderer {
             buffer(1, &work.marks),
             buffer(2, &work.needed),
             buffer(3, &work.head_seen),
-                    ];
+        ];
         [
             self.bind_at(&self.fixed.mark, &mark),
             self.bind_at(&self.fixed.plan, &[buffer(2, &work.needed)]),

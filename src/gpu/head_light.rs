@@ -190,7 +190,6 @@ impl HeadSurface {
     ) -> Result<Vec<Vec3>> {
         let place = |point: &DetailPoint| detail.place(&self.fine, point);
         let of = |point: &DetailPoint| self.vertex(head, &place(point), point.lights);
-        if std::env::var("HL_DEBUG").is_ok() { eprintln!("vertices {} lattice {} across {} lights {} rays {} detail rays {}", self.fine.places.len(), detail.points.len(), detail.across, caster.lights.len(), caster.lights.iter().map(|l| l.light.rays).sum::<u32>(), detail.points.iter().map(|p| (0..caster.lights.len()).filter(|j| p.lights>>j&1==1).map(|j| caster.lights[j].light.rays).sum::<u32>()).sum::<u32>()); }
         let places: Vec<HeadVertex> = detail.points.par_iter().map(of).collect();
         let spread = EDGE * caster.stage.radius / detail.across as f32;
         let mut found = caster.irradiance(&mut self.pipeline, &places, spread)?;

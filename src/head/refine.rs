@@ -21,7 +21,8 @@ pub struct FineHead {
 impl FineHead {
     /// Halves edges that are longer than `longest` (world units) until none is.
     pub fn new(head: &Head, longest: f32) -> FineHead {
-        let places = (0..head.positions.len()).map(|vertex| SurfacePlace::vertex(vertex as u32)).collect();
+        let places =
+            (0..head.positions.len()).map(|vertex| SurfacePlace::vertex(vertex as u32)).collect();
         let mut fine = FineHead { head: head.clone(), places };
         for _ in 0..ROUNDS {
             if !fine.halve(longest) {

@@ -72,8 +72,7 @@ impl StrandRays {
                 && !self.strands.occluded(&from(origin));
             sum += if open { cosine } else { 0.0 };
         }
-        let energy =
-            if one.energy < 0.0 { draws::solid_angle(light, above) } else { one.energy };
+        let energy = if one.energy < 0.0 { draws::solid_angle(light, above) } else { one.energy };
         energy * sum / light.rays as f32
     }
 
