@@ -9,9 +9,11 @@ struct HeadLight {
 
 struct HeadVertex {
     position: vec3f,
-    lights: u32,            // bit by bit, which are looked for
+    pad_1: u32,
     normal: vec3f,
-    pad: u32,
+    pad_2: u32,
+    lights: vec2u,          // bit by bit, which are looked for
+    pad_3: vec2u,
 }
 
 struct Lighting {
@@ -40,7 +42,7 @@ fn light_head(@builtin(global_invocation_id) id: vec3u) {
     for (var j = 0u; j < lighting.lights; j++) {
         var sum = 0.0;
         let light = lighting.light[j].light;
-        let rays = select(0u, light.rays, (vertex.lights >> j & 1u) == 1u);
+        let rays = select(0u, light.rays, (vertex.lights[j / 32u] >> (j % 32u) & 1u) == 1u);
         for (var k = 0u; k < rays; k++) {
             let draw = draw_of(0u, 0u, k);
             // The place stands for what is about it, but the surface would shade itself.

@@ -14,20 +14,15 @@ use crate::gpu::method::MethodData;
 use crate::head::HeadRays;
 use crate::lamp::Lamp;
 use crate::reference::transmittance::StrandRays;
-use crate::srbf::{SrbfLight, lobe_integral};
+use crate::srbf::{ORDINATES, SrbfLight, lobe_integral};
 use crate::stage::Geometry;
 use crate::transport::draws::{HEAD_LIGHTS, HeadLight, TracedLight, Words};
 use crate::transport::volume::Volume;
 use crate::transport::{Brought, CELLS, Occluders, TransmittanceMoments, near, transport};
 
-/// Lobes wider than this, and lights of less than this share of all energy, throw no shadow on the head that an eye would
-/// miss: a volume of hair does for them.
-const CRISP_LAMBDA: f64 = 0.3;
-const CRISP_SHARE: f64 = 1e-2;
-/// Rays of a light at a vertex of the head: for so much of its bandwidth one, at least and at most so many. All vertices
-/// look for it in the same directions, so that its shadows are copies of each other and no noise.
-const HEAD_RAY_LAMBDA: f64 = 0.03;
-const HEAD_RAYS: [f64; 2] = [2.0, 10.0];
+/// Rays for a vertex of the head, which stands for what is about it, of all lights but the ordinates, shared out by their
+/// energy; each has one at least, and each ordinate, one of many that stand for wide lights, one.
+const HEAD_RAYS: f64 = 48.0;
 
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
@@ -236,22 +231,24 @@ impl LitHair {
         lamps.chain(self.lights.iter().copied()).collect()
     }
 
-    /// Lights whose shadows on the head rays find, lamps first: narrow ones that are bright.
-    fn crisp(&self, stage: &Geometry) -> Vec<bool> {
+    /// Of each light, lamps first, the rays that places on the head look for it by; 0 of those that are too faint.
+    fn head_rays(&self, stage: &Geometry) -> Vec<u32> {
         let lobes = self.lobes(stage);
         let powers: Vec<f64> = lobes.iter().map(|light| light.energy().iter().sum()).collect();
-        let least = CRISP_SHARE * powers.iter().sum::<f64>();
-        let crisp = |&j: &usize| {
-            (lobes[j].lambda < CRISP_LAMBDA || j < self.lamps.len()) && powers[j] > least
-        };
-        let mut brightest: Vec<usize> = (0..lobes.len()).filter(crisp).collect();
+        let whole: f64 = powers.iter().sum();
+        let mut brightest: Vec<usize> = (0..lobes.len()).filter(|&j| powers[j] > 0.0).collect();
         brightest.sort_by(|&i, &j| powers[j].total_cmp(&powers[i]));
-        brightest.truncate(HEAD_LIGHTS);
-        (0..lobes.len()).map(|j| brightest.contains(&j)).collect()
+        let own = lobes.len() - if self.lights.len() >= ORDINATES { ORDINATES } else { 0 };
+        let mut rays = vec![0; lobes.len()];
+        for j in brightest.into_iter().take(HEAD_LIGHTS) {
+            let share = HEAD_RAYS * powers[j] / whole;
+            rays[j] = if j < own { share.round().max(1.0) as u32 } else { 1 };
+        }
+        rays
     }
 
-    /// The crisp ones as rays look for them.
-    fn head_lights(&self, stage: &Geometry, crisp: &[bool]) -> Vec<HeadLight> {
+    /// Those that are looked for.
+    fn head_lights(&self, stage: &Geometry, rays: &[u32]) -> Vec<HeadLight> {
         let middle = stage.center.as_dvec3();
         let of_lamps = self.lamps.iter().map(|lamp| {
             let light = TracedLight::near(lamp, middle).unwrap_or(TracedLight::zeroed());
@@ -262,13 +259,11 @@ impl LitHair {
             rgb: Vec3::from(light.rgb.map(|c| c as f32)),
             energy: lobe_integral(light.lambda) as f32,
         });
-        let all = of_lamps.chain(of_lights).zip(self.lobes(stage)).zip(crisp);
-        let [least, most] = HEAD_RAYS;
-        let with_rays = |((one, lobe), _): ((HeadLight, SrbfLight), _)| {
-            let rays = (lobe.lambda / HEAD_RAY_LAMBDA).ceil().clamp(least, most) as u32;
-            HeadLight { light: TracedLight { rays, ..one.light }, ..one }
+        let with_rays = |(one, &rays): (HeadLight, &u32)| {
+            let light = TracedLight { rays, ..one.light };
+            (rays > 0).then_some(HeadLight { light, ..one })
         };
-        all.filter(|(_, crisp)| **crisp).map(with_rays).collect()
+        of_lamps.chain(of_lights).zip(rays).filter_map(with_rays).collect()
     }
 
     /// Irradiance at the vertices of the head, linear RGB; empty without one.
@@ -352,9 +347,9 @@ impl LitHair {
     ) -> Result<()> {
         self.set(renderer, method, rays);
         let host = medium.rays(stage, renderer);
-        let crisp = self.crisp(stage);
-        let rest = self.head_irradiance_of(|j| !crisp[j]);
-        renderer.light_head(stage, &rest, &self.head_lights(stage, &crisp), head, host)?;
+        let rays = self.head_rays(stage);
+        let rest = self.head_irradiance_of(|j| rays[j] == 0);
+        renderer.light_head(stage, &rest, &self.head_lights(stage, &rays), head, host)?;
         if !renderer.trace(stage, points, host, progress)? {
             bail!("cancelled");
         }

@@ -696,7 +696,7 @@ fn a_strand_throws_a_crisp_shadow_on_the_head() {
     };
     let at = |x: f32| {
         let position = Vec3::new(x, 0.0, 0.3) - stage.center;
-        let vertex = HeadVertex { position, lights: 1, normal: Vec3::Y, pad: 0 };
+        let vertex = HeadVertex::new(position, Vec3::Y, 1);
         rays.irradiance(&vertex, [1e-4, 0.0], &looked_for) / looked_for.energy
     };
     for x in [0.0, 0.05, -0.08] {

@@ -11,16 +11,20 @@ use super::uniforms::LightingHead;
 use crate::head::{Detail, DetailPoint, FineHead, Head, SurfacePlace};
 use crate::reference::transmittance::StrandRays;
 use crate::stage::Geometry;
-use crate::transport::draws::{HeadLight, HeadVertex};
+use crate::transport::draws::{self, HeadLight, HeadVertex, TracedLight};
 
 /// Of the hair's radius: longest edge of the triangles that are drawn; and how far above them rays start.
 const EDGE: f32 = 1.0 / 24.0;
 const LIFT: f32 = 2e-5;
-/// A light whose irradiance differs by more than this share of the mean, that of all lights, between the corners of a
-/// triangle is looked for at points between.
-const CONTRAST: f32 = 0.08;
+/// A light whose irradiance differs by more than this share of that of all lights together, if none were in the shade,
+/// between the corners of a triangle is looked for at points between.
+const CONTRAST: f32 = 0.025;
 /// Triangles that cover less than so much of a pixel stay as they are.
 const LEAST_PIXELS: f32 = 0.5;
+/// Rays of a light at such a point: one for so much of its bandwidth, but at least and at most so many. All points look in
+/// the same directions, so that its shadows are copies of each other and no noise.
+const DETAIL_LAMBDA: f32 = 0.03;
+const DETAIL_RAYS: [f32; 2] = [2.0, 10.0];
 /// Points along an edge between vertices, at most.
 const MOST_ACROSS: f32 = 8.0;
 
@@ -109,7 +113,7 @@ impl HeadSurface {
         {
             let of_vertices = self.at_vertices(head, seen, &mut caster)?;
             if let Some(seen) = seen {
-                detail = self.wanted_detail(&all, &of_vertices, seen, &caster);
+                detail = self.wanted_detail(&of_vertices, seen, &caster);
                 let more = self.at_detail(head, &detail, &all, &of_vertices, &mut caster)?;
                 all.extend(more);
             }
@@ -139,9 +143,10 @@ impl HeadSurface {
             corners.for_each(|&vertex| shown[vertex as usize] = true);
         }
         let vertices: Vec<usize> = (0..shown.len()).filter(|&vertex| shown[vertex]).collect();
-        let of = |&vertex: &usize| self.vertex(head, &self.fine.places[vertex], u32::MAX);
+        let of = |&vertex: &usize| self.vertex(head, &self.fine.places[vertex], u64::MAX);
         let places: Vec<HeadVertex> = vertices.par_iter().map(of).collect();
-        let found = caster.irradiance(&mut self.pipeline, &places, EDGE * caster.stage.radius)?;
+        let (of_lights, spread) = (caster.lights, EDGE * caster.stage.radius);
+        let found = caster.irradiance(&mut self.pipeline, &places, of_lights, spread)?;
         let lights = caster.lights.len();
         let mut all = vec![0.0; shown.len() * lights];
         for (vertex, found) in vertices.into_iter().zip(found.chunks(lights)) {
@@ -153,7 +158,6 @@ impl HeadSurface {
     /// A lattice where light that is seen differs much from corner to corner.
     fn wanted_detail(
         &self,
-        rest: &[Vec3],
         of_vertices: &[f32],
         seen: &SeenHead,
         caster: &HeadRayCaster,
@@ -168,14 +172,12 @@ impl HeadSurface {
         }
         let lights = caster.lights.len();
         let of = |vertex: u32| &of_vertices[vertex as usize * lights..][..lights];
-        let whole = |vertex: u32| (rest[vertex as usize] + caster.sum(of(vertex))).element_sum();
-        let corners = || large.iter().flat_map(|&triangle| triangles[triangle as usize]);
-        let mean = corners().map(whole).sum::<f32>() / corners().count() as f32;
+        let most = CONTRAST * caster.whole();
         let rough = |&triangle: &u32| {
-            let lights = caster.differing(triangles[triangle as usize].map(of), CONTRAST * mean);
+            let lights = caster.differing(triangles[triangle as usize].map(of), most);
             (lights != 0).then_some((triangle, lights))
         };
-        let rough: Vec<(u32, u32)> = large.iter().filter_map(rough).collect();
+        let rough: Vec<(u32, u64)> = large.iter().filter_map(rough).collect();
         Detail::new(&self.fine, across, &rough)
     }
 
@@ -192,7 +194,14 @@ impl HeadSurface {
         let of = |point: &DetailPoint| self.vertex(head, &place(point), point.lights);
         let places: Vec<HeadVertex> = detail.points.par_iter().map(of).collect();
         let spread = EDGE * caster.stage.radius / detail.across as f32;
-        let mut found = caster.irradiance(&mut self.pipeline, &places, spread)?;
+        let [least, most] = DETAIL_RAYS;
+        let of_light = |one: &HeadLight| {
+            let wide = if one.light.lamp == 1 { most } else { one.light.lambda / DETAIL_LAMBDA };
+            let rays = wide.ceil().clamp(least, most) as u32;
+            HeadLight { light: TracedLight { rays, ..one.light }, ..*one }
+        };
+        let of_lights: Vec<HeadLight> = caster.lights.iter().map(of_light).collect();
+        let mut found = caster.irradiance(&mut self.pipeline, &places, &of_lights, spread)?;
         let lights = caster.lights.len();
         let between = |(point, found): (&DetailPoint, &mut [f32])| {
             let mut sum = Vec3::ZERO;
@@ -211,10 +220,10 @@ impl HeadSurface {
     }
 
     /// A place on `head`, the one that this was made of, as rays leave it.
-    fn vertex(&self, head: &Head, place: &SurfacePlace, lights: u32) -> HeadVertex {
+    fn vertex(&self, head: &Head, place: &SurfacePlace, lights: u64) -> HeadVertex {
         let position = place.lifted(head, 1.0) - self.center;
         let normal = place.of(&head.normals).normalize_or(Vec3::Y);
-        HeadVertex { position, lights, normal, pad: 0 }
+        HeadVertex::new(position, normal, lights)
     }
 }
 
@@ -232,8 +241,18 @@ impl HeadRayCaster<'_> {
         self.lights.iter().zip(of_lights).map(|(light, &of)| of * light.rgb).sum()
     }
 
+    /// Irradiance (R + G + B) on what faces all lights at once, in the middle of the hair.
+    fn whole(&self) -> f32 {
+        let of = |one: &HeadLight| {
+            let lamp = one.energy < 0.0;
+            let energy = if lamp { draws::solid_angle(&one.light, Vec3::ZERO) } else { one.energy };
+            energy * one.rgb.element_sum()
+        };
+        self.lights.iter().map(of).sum()
+    }
+
     /// Bit by bit, of which lights the corners of a triangle have irradiances (R + G + B) that differ by more than `most`.
-    fn differing(&self, corners: [&[f32]; 3], most: f32) -> u32 {
+    fn differing(&self, corners: [&[f32]; 3], most: f32) -> u64 {
         let differs = |j: usize| {
             let of = corners.map(|of| of[j]);
             let range = of.iter().copied().fold(0.0, f32::max)
@@ -249,6 +268,7 @@ impl HeadRayCaster<'_> {
         &mut self,
         pipeline: &mut Option<wgpu::ComputePipeline>,
         vertices: &[HeadVertex],
+        lights: &[HeadLight],
         spread: f32,
     ) -> Result<Vec<f32>> {
         let lift = LIFT * self.stage.radius;
@@ -257,9 +277,8 @@ impl HeadRayCaster<'_> {
         }
         if let Some(rays) = self.host {
             let of = |vertex: &HeadVertex| {
-                let looked_for = |j: usize| vertex.lights >> j & 1 == 1;
-                let of = |j| rays.irradiance(vertex, [lift, spread], &self.lights[j]);
-                let all = (0..self.lights.len()).map(|j| if looked_for(j) { of(j) } else { 0.0 });
+                let of = |j: usize| rays.irradiance(vertex, [lift, spread], &lights[j]);
+                let all = (0..lights.len()).map(|j| if vertex.looks_for(j) { of(j) } else { 0.0 });
                 all.collect::<Vec<f32>>()
             };
             return Ok(vertices.par_iter().flat_map_iter(of).collect());
@@ -271,17 +290,17 @@ impl HeadRayCaster<'_> {
             let module = module(device, "head light", &shaders.head_light());
             compute_pipeline(device, &module, "light_head", &[])
         });
-        let lights = self.lights.len() as u32;
-        let count = vertices.len() as u32;
-        let lighting = LightingHead { vertices: count, lights, lift, spread, head, pad: [0; 2] };
+        let [count, of_each] = [vertices.len(), lights.len()].map(|count| count as u32);
+        let lighting =
+            LightingHead { vertices: count, lights: of_each, lift, spread, head, pad: [0; 2] };
         let mut data = bytemuck::bytes_of(&lighting).to_vec();
-        data.extend_from_slice(bytemuck::cast_slice(self.lights));
+        data.extend_from_slice(bytemuck::cast_slice(lights));
         let [bvh, items, shapes] = buffers;
-        let of_vertices = storage(device, "head vertices", bytemuck::cast_slice(&vertices));
+        let of_vertices = storage(device, "head vertices", bytemuck::cast_slice(vertices));
         let lighting = storage(device, "lighting", &data);
         let found = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("head irradiance"),
-            size: 4 * u64::from(count) * u64::from(lights),
+            size: 4 * u64::from(count) * u64::from(of_each),
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });

@@ -458,16 +458,17 @@ impl PointTransmittance {
             .with_min_len(16)
             .map(|block| {
                 let known = row(block.seen().start);
-                let of = |light: &TracedLight| {
+                let before = |light: &TracedLight| {
                     let at = known + pair * light.column as usize;
                     let mut words = [0; 2];
                     if light.fresh == 0 {
                         words[..pair].copy_from_slice(&host[at..at + pair]);
                     }
-                    rays.trace(stage, block, size, light, counts, &mut words);
                     words
                 };
-                lights.iter().map(of).collect()
+                let mut words: Vec<Words> = lights.iter().map(before).collect();
+                rays.trace(stage, block, size, lights, counts, &mut words);
+                words
             })
             .collect();
         for (block, traced) in blocks.iter().zip(traced) {

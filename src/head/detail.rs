@@ -15,7 +15,7 @@ pub struct DetailPoint {
     /// Towards each corner.
     steps: [u32; 3],
     /// Bit by bit, which lights differ in one of its triangles.
-    pub lights: u32,
+    pub lights: u64,
 }
 
 /// A triangular lattice in some triangles of a head; `Detail` of shaders/resolve.wgsl.
@@ -32,7 +32,7 @@ pub struct Detail {
 
 impl Detail {
     /// Of these triangles, each with the lights that differ in it.
-    pub fn new(fine: &FineHead, across: u32, triangles: &[(u32, u32)]) -> Detail {
+    pub fn new(fine: &FineHead, across: u32, triangles: &[(u32, u64)]) -> Detail {
         let all = &fine.head.triangles;
         let mut detail = Detail { across, points: Vec::new(), words: vec![0; all.len()] };
         let mut known: HashMap<Steps, u32> = HashMap::new();

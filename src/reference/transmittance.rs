@@ -76,42 +76,58 @@ impl StrandRays {
         energy * sum / light.rays as f32
     }
 
-    /// Adds the rays that `light` asks for to the words of a block of `points`; `counts`: whether to count strands.
+    /// Adds the rays that each of `lights` asks for to its words of a block of `points`; `counts`: whether to count strands.
     pub fn trace(
         &self,
         stage: &Geometry,
         block: &Block,
         points: u32,
+        lights: &[TracedLight],
+        counts: bool,
+        words: &mut [Words],
+    ) {
+        let strand = stage.hair.offsets.partition_point(|&first| first <= block.own[0]) - 1;
+        for (light, words) in lights.iter().zip(words) {
+            for _ in 0..light.rays {
+                self.trace_one(stage, block, points, strand as u32, light, counts, words);
+            }
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn trace_one(
+        &self,
+        stage: &Geometry,
+        block: &Block,
+        points: u32,
+        strand: u32,
         light: &TracedLight,
         counts: bool,
         words: &mut Words,
     ) {
         let Geometry { hair, diameters, frames, center, .. } = stage;
-        let strand = hair.offsets.partition_point(|&first| first <= block.own[0]) - 1;
-        for _ in 0..light.rays {
-            let number = (block.point - block.own[0]) / points;
-            let draw = draws::draw_of(block.own[0], number, words[0] >> 16);
-            let (point, other, part) = block.place(points, draw[2]);
-            let [at, to] = [point, other].map(|i| hair.points[i as usize] - *center);
-            let origin = at.lerp(to, part);
-            let aim = draws::aim(light, origin, draw);
-            let (radius, u) = (0.5 * diameters[point as usize], frames.tangents[point as usize]);
-            let leave = |omega: Vec3, most: f32| {
-                let across = aim.direction.reject_from_normalized(u).normalize_or_zero();
-                StrandRay::along(origin + radius * across, radius, strand as u32, omega, most)
-            };
-            let ray = leave(aim.direction, aim.distance);
-            let seen =
-                |ray: &StrandRay| !self.head.as_ref().is_some_and(|head| head.occluded(&ray.ray));
-            let counted = counts.then(|| {
-                let left = f32::from(u8::from(aim.distance > 0.0 && seen(&ray)));
-                let strands = self.strands.count(&ray, false);
-                let behind = self.strands.count(&leave(-aim.direction, f32::INFINITY), true);
-                [left, left * 0.75f32.powi(strands as i32), 0.5f32.powi(behind as i32)]
-            });
-            let open = aim.distance > 0.0 && !self.strands.occluded(&ray) && seen(&ray);
-            draws::add(words, open, counted);
-        }
+        let number = (block.point - block.own[0]) / points;
+        let draw = draws::draw_of(block.own[0], number, words[0] >> 16);
+        let (point, other, part) = block.place(points, draw[2]);
+        let [at, to] = [point, other].map(|i| hair.points[i as usize] - *center);
+        let origin = at.lerp(to, part);
+        let aim = draws::aim(light, origin, draw);
+        let (radius, u) = (0.5 * diameters[point as usize], frames.tangents[point as usize]);
+        let leave = |omega: Vec3, most: f32| {
+            let across = aim.direction.reject_from_normalized(u).normalize_or_zero();
+            StrandRay::along(origin + radius * across, radius, strand, omega, most)
+        };
+        let ray = leave(aim.direction, aim.distance);
+        let seen =
+            |ray: &StrandRay| !self.head.as_ref().is_some_and(|head| head.occluded(&ray.ray));
+        let counted = counts.then(|| {
+            let left = f32::from(u8::from(aim.distance > 0.0 && seen(&ray)));
+            let strands = self.strands.count(&ray, false);
+            let behind = self.strands.count(&leave(-aim.direction, f32::INFINITY), true);
+            [left, left * 0.75f32.powi(strands as i32), 0.5f32.powi(behind as i32)]
+        });
+        let open = aim.distance > 0.0 && !self.strands.occluded(&ray) && seen(&ray);
+        draws::add(words, open, counted);
     }
 }
 

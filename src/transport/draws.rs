@@ -100,8 +100,8 @@ impl TracedLight {
     }
 }
 
-/// Lights that places on the head look for by rays, at most: bits of a word.
-pub const HEAD_LIGHTS: usize = 32;
+/// Lights that places on the head look for by rays, at most.
+pub const HEAD_LIGHTS: usize = 64;
 
 /// A light that places on the head look for by rays: `HeadLight` of shaders/head_light.wgsl.
 #[repr(C)]
@@ -120,10 +120,24 @@ pub struct HeadLight {
 pub struct HeadVertex {
     /// Relative to the hair's centre.
     pub position: Vec3,
-    /// Bit by bit, which lights are looked for.
-    pub lights: u32,
+    pub pad_1: u32,
     pub normal: Vec3,
-    pub pad: u32,
+    pub pad_2: u32,
+    /// Bit by bit, from the lowest of the first, which lights are looked for.
+    pub lights: [u32; 2],
+    pub pad_3: [u32; 2],
+}
+
+impl HeadVertex {
+    /// `position` relative to the hair's centre; `normal` of length 1.
+    pub fn new(position: Vec3, normal: Vec3, lights: u64) -> HeadVertex {
+        let lights = [lights as u32, (lights >> 32) as u32];
+        HeadVertex { position, normal, lights, ..HeadVertex::zeroed() }
+    }
+
+    pub fn looks_for(&self, light: usize) -> bool {
+        self.lights[light / 32] >> (light % 32) & 1 == 1
+    }
 }
 
 /// Points that follow each other on a strand and share their rays: `Block` of shaders/transmittance.wgsl.

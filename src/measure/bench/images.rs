@@ -21,6 +21,7 @@ use crate::environment::Environment;
 use crate::field::Field;
 use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
+use crate::gpu::head_light::SeenHead;
 use crate::gpu::method::{Integrator, MethodData};
 use crate::light::{HairMedium, LitHair};
 use crate::measure::compare::compare;
@@ -120,6 +121,7 @@ pub(super) struct View<'a> {
     pub renderer: Renderer,
     /// Those that the frame needs.
     pub points: Vec<u32>,
+    seen_head: SeenHead,
     strands: Strands<'a>,
     skin: Option<Skin<'a>>,
     samples: u32,
@@ -135,7 +137,7 @@ impl<'a> View<'a> {
     ) -> Result<View<'a>> {
         let mut renderer = Renderer::new(gpu, method, stage)?;
         let pieces = stage.pieces(&lens);
-        let points = renderer.visible_points(&[lens], pieces, samples)?;
+        let (points, seen_head) = renderer.visible(&[lens], pieces, samples)?;
         let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = stage;
         Ok(View {
             medium: HairMedium::new(stage, true),
@@ -143,6 +145,7 @@ impl<'a> View<'a> {
             lens,
             renderer,
             points,
+            seen_head,
             strands: Strands::new(hair, diameters, frames, pieces, *center),
             skin: head.as_ref().map(|head| Skin::new(head, *head_albedo, *center)),
             samples,
@@ -152,7 +155,8 @@ impl<'a> View<'a> {
     /// Sets a method, lights as frames trace them, and a field.
     pub fn show(&mut self, hair: &LitHair, data: &MethodData, field: Option<&Field>) -> Result<()> {
         let (at, rays) = ((self.stage, &self.medium), crate::quality::rays_for(self.samples));
-        hair.show(at, &mut self.renderer, data, field, rays, &|_| true)
+        let seen = (&hair.points[..], Some(&self.seen_head));
+        hair.show_at(at, &mut self.renderer, data, field, seen, rays, &|_| true)
     }
 
     /// A frame and what its shading took.
