@@ -5,11 +5,13 @@ struct HeadLight {
     light: TracedLight,     // `column` is not used
     rgb: vec3f,             // L_j
     energy: f32,            // E_j = ∫G_j dω; of a lamp near the hair less than 0: its solid angle is found here
+    wide: u32,              // 1 of a wide light: each vertex looks for it in directions of its own
+    pad: array<u32, 3>,
 }
 
 struct HeadVertex {
     position: vec3f,
-    pad_1: u32,
+    seed: u32,              // by which rays to wide lights are drawn
     normal: vec3f,
     pad_2: u32,
     lights: vec2u,          // bit by bit, which are looked for
@@ -44,7 +46,7 @@ fn light_head(@builtin(global_invocation_id) id: vec3u) {
         let light = lighting.light[j].light;
         let rays = select(0u, light.rays, (vertex.lights[j / 32u] >> (j % 32u) & 1u) == 1u);
         for (var k = 0u; k < rays; k++) {
-            let draw = draw_of(0u, 0u, k);
+            let draw = draw_of(lighting.light[j].wide * vertex.seed, 0u, k);
             // The place stands for what is about it, but the surface would shade itself.
             let aside = lighting.spread * (draw_of(1u, 0u, k).xy - 0.5);
             let origin = above + aside.x * x + aside.y * y;

@@ -24,6 +24,10 @@ use crate::transport::{Brought, CELLS, Occluders, TransmittanceMoments, near, tr
 /// energy; each has one at least, and each ordinate, one of many that stand for wide lights, one.
 const HEAD_RAYS: f64 = 48.0;
 
+/// Lights wider than this have shadows on the head as soft as vertices are apart; all vertices look for others in the same
+/// directions, so that their shadows are copies of each other and no noise.
+const WIDE_LAMBDA: f32 = 0.1;
+
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
 
@@ -238,7 +242,7 @@ impl LitHair {
         let whole: f64 = powers.iter().sum();
         let mut brightest: Vec<usize> = (0..lobes.len()).filter(|&j| powers[j] > 0.0).collect();
         brightest.sort_by(|&i, &j| powers[j].total_cmp(&powers[i]));
-        let own = lobes.len() - if self.lights.len() >= ORDINATES { ORDINATES } else { 0 };
+        let own = lobes.len() - self.ordinates();
         let mut rays = vec![0; lobes.len()];
         for j in brightest.into_iter().take(HEAD_LIGHTS) {
             let share = HEAD_RAYS * powers[j] / whole;
@@ -252,18 +256,26 @@ impl LitHair {
         let middle = stage.center.as_dvec3();
         let of_lamps = self.lamps.iter().map(|lamp| {
             let light = TracedLight::near(lamp, middle).unwrap_or(TracedLight::zeroed());
-            HeadLight { light, rgb: Vec3::from(lamp.radiance.map(|c| c as f32)), energy: -1.0 }
+            let rgb = Vec3::from(lamp.radiance.map(|c| c as f32));
+            HeadLight { light, rgb, energy: -1.0, ..HeadLight::zeroed() }
         });
         let of_lights = self.lights.iter().map(|light| HeadLight {
             light: TracedLight::distant(light),
             rgb: Vec3::from(light.rgb.map(|c| c as f32)),
             energy: lobe_integral(light.lambda) as f32,
+            ..HeadLight::zeroed()
         });
-        let with_rays = |(one, &rays): (HeadLight, &u32)| {
+        let with_rays = |(j, (one, &rays)): (usize, (HeadLight, &u32))| {
             let light = TracedLight { rays, ..one.light };
-            (rays > 0).then_some(HeadLight { light, ..one })
+            let wide = j >= self.lamps.len() && light.lambda > WIDE_LAMBDA;
+            (rays > 0).then_some(HeadLight { light, wide: u32::from(wide), ..one })
         };
-        of_lamps.chain(of_lights).zip(rays).filter_map(with_rays).collect()
+        of_lamps.chain(of_lights).zip(rays).enumerate().filter_map(with_rays).collect()
+    }
+
+    /// How many of the lights are ordinates.
+    fn ordinates(&self) -> usize {
+        if self.lights.len() >= ORDINATES { ORDINATES } else { 0 }
     }
 
     /// Irradiance at the vertices of the head, linear RGB; empty without one.

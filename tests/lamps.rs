@@ -663,18 +663,22 @@ fn lamps_come_through_hair_as_rays_do() {
                 light: TracedLight::near(lamp, stage.center.as_dvec3()).unwrap(),
                 rgb: Vec3::from(lamp.radiance.map(|c| c as f32)),
                 energy: -1.0,
+                wide: 0,
+                pad: [0; 3],
             },
             None => HeadLight {
                 light: TracedLight::distant(&lit.lights[0]),
                 rgb: Vec3::from(lit.lights[0].rgb.map(|c| c as f32)),
                 energy: hairlight::srbf::lobe_integral(lit.lights[0].lambda) as f32,
+                wide: 0,
+                pad: [0; 3],
             },
         };
         let light = HeadLight { light: TracedLight { rays: 256, ..light.light }, ..light };
         let head = stage.head.as_ref().unwrap();
         let got = |v: usize| {
             let position = head.positions[v] - stage.center;
-            let vertex = HeadVertex::new(position, head.normals[v], 1);
+            let vertex = HeadVertex::new(position, head.normals[v], 0, 1);
             f64::from(rays.irradiance(&vertex, [1e-3 * stage.radius, 0.0], &light) * light.rgb.y)
         };
         let pairs: Vec<(f64, f64)> =

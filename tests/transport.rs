@@ -693,10 +693,12 @@ fn a_strand_throws_a_crisp_shadow_on_the_head() {
         light: TracedLight { rays: 16, ..TracedLight::distant(&above) },
         rgb: Vec3::ONE,
         energy: lobe_integral(above.lambda) as f32,
+        wide: 0,
+        pad: [0; 3],
     };
     let at = |x: f32| {
         let position = Vec3::new(x, 0.0, 0.3) - stage.center;
-        let vertex = HeadVertex::new(position, Vec3::Y, 1);
+        let vertex = HeadVertex::new(position, Vec3::Y, 0, 1);
         rays.irradiance(&vertex, [1e-4, 0.0], &looked_for) / looked_for.energy
     };
     for x in [0.0, 0.05, -0.08] {

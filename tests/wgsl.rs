@@ -426,8 +426,8 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
     let trace = || Shaders::default().transmittance();
     use hairlight::transport::draws::{Block, HeadLight, HeadVertex, TracedLight};
     let of_head = || Shaders::default().head_light();
-    same!(of_head(), "HeadVertex", HeadVertex, [position, pad_1, normal, pad_2, lights, pad_3]);
-    same!(of_head(), "HeadLight", HeadLight, [light, rgb, energy]);
+    same!(of_head(), "HeadVertex", HeadVertex, [position, seed, normal, pad_2, lights, pad_3]);
+    same!(of_head(), "HeadLight", HeadLight, [light, rgb, energy, wide, pad]);
     same!(trace(), "Block", Block, [point, members, own]);
     same!(
         trace(),

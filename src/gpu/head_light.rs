@@ -19,6 +19,8 @@ const LIFT: f32 = 2e-5;
 /// A light whose irradiance differs by more than this share of that of all lights together, if none were in the shade,
 /// between the corners of a triangle is looked for at points between.
 const CONTRAST: f32 = 0.025;
+/// How often wide lights are evened out from neighbour to neighbour.
+const SOFTENINGS: usize = 3;
 /// Triangles that cover less than so much of a pixel stay as they are.
 const LEAST_PIXELS: f32 = 0.5;
 /// Rays of a light at such a point: one for so much of its bandwidth, but at least and at most so many. All points look in
@@ -143,7 +145,8 @@ impl HeadSurface {
             corners.for_each(|&vertex| shown[vertex as usize] = true);
         }
         let vertices: Vec<usize> = (0..shown.len()).filter(|&vertex| shown[vertex]).collect();
-        let of = |&vertex: &usize| self.vertex(head, &self.fine.places[vertex], u64::MAX);
+        let of =
+            |&vertex: &usize| self.vertex(head, &self.fine.places[vertex], vertex as u32, u64::MAX);
         let places: Vec<HeadVertex> = vertices.par_iter().map(of).collect();
         let (of_lights, spread) = (caster.lights, EDGE * caster.stage.radius);
         let found = caster.irradiance(&mut self.pipeline, &places, of_lights, spread)?;
@@ -152,7 +155,44 @@ impl HeadSurface {
         for (vertex, found) in vertices.into_iter().zip(found.chunks(lights)) {
             all[vertex * lights..][..lights].copy_from_slice(found);
         }
+        self.soften(&shown, caster.lights, &mut all);
         Ok(all)
+    }
+
+    /// Evens out T̃ of wide lights, of which a vertex has few rays, over vertices that are near each other.
+    fn soften(&self, shown: &[bool], lights: &[HeadLight], all: &mut [f32]) {
+        let Head { normals, triangles, .. } = &self.fine.head;
+        let sides = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
+        let both = |[a, b]: &[u32; 2]| shown[*a as usize] && shown[*b as usize];
+        let sides: Vec<[u32; 2]> = triangles.iter().flat_map(sides).filter(both).collect();
+        let soften = |(j, one): (usize, &HeadLight)| {
+            // Of a lobe that is half below the horizon, some arrives.
+            let least = 0.3 * one.light.lambda;
+            let facing = |normal: &Vec3| one.energy * normal.dot(one.light.direction).max(least);
+            let of = |vertex: usize| (all[vertex * lights.len() + j], facing(&normals[vertex]));
+            let bare: Vec<(f32, f32)> = (0..shown.len()).map(of).collect();
+            let mut sums = bare.clone();
+            for _ in 0..SOFTENINGS {
+                let before = sums.clone();
+                for [a, b] in sides.iter().map(|side| side.map(|vertex| vertex as usize)) {
+                    for (to, from) in [(a, b), (b, a)] {
+                        sums[to].0 += before[from].0;
+                        sums[to].1 += before[from].1;
+                    }
+                }
+                // So that sums do not grow without end.
+                sums.iter_mut().for_each(|sum| *sum = (0.1 * sum.0, 0.1 * sum.1));
+            }
+            let t = |sum: (f32, f32)| sum.0 / sum.1.max(f32::MIN_POSITIVE);
+            (j, bare.iter().zip(sums).map(|(bare, sum)| bare.1 * t(sum)).collect())
+        };
+        let wide = lights.par_iter().enumerate().filter(|(_, one)| one.wide == 1);
+        let softened: Vec<(usize, Vec<f32>)> = wide.map(soften).collect();
+        for (j, of_vertices) in softened {
+            for (vertex, of) in of_vertices.into_iter().enumerate().filter(|(i, _)| shown[*i]) {
+                all[vertex * lights.len() + j] = of;
+            }
+        }
     }
 
     /// A lattice where light that is seen differs much from corner to corner.
@@ -191,7 +231,7 @@ impl HeadSurface {
         caster: &mut HeadRayCaster,
     ) -> Result<Vec<Vec3>> {
         let place = |point: &DetailPoint| detail.place(&self.fine, point);
-        let of = |point: &DetailPoint| self.vertex(head, &place(point), point.lights);
+        let of = |point: &DetailPoint| self.vertex(head, &place(point), 0, point.lights);
         let places: Vec<HeadVertex> = detail.points.par_iter().map(of).collect();
         let spread = EDGE * caster.stage.radius / detail.across as f32;
         let [least, most] = DETAIL_RAYS;
@@ -220,10 +260,10 @@ impl HeadSurface {
     }
 
     /// A place on `head`, the one that this was made of, as rays leave it.
-    fn vertex(&self, head: &Head, place: &SurfacePlace, lights: u64) -> HeadVertex {
+    fn vertex(&self, head: &Head, place: &SurfacePlace, seed: u32, lights: u64) -> HeadVertex {
         let position = place.lifted(head, 1.0) - self.center;
         let normal = place.of(&head.normals).normalize_or(Vec3::Y);
-        HeadVertex::new(position, normal, lights)
+        HeadVertex::new(position, normal, seed, lights)
     }
 }
 

@@ -60,7 +60,7 @@ impl StrandRays {
         for k in 0..light.rays {
             let [across, down, _] = draws::draw_of(1, 0, k).map(|draw| spread * (draw - 0.5));
             let origin = above + across * x + down * y;
-            let aim = draws::aim(light, origin, draws::draw_of(0, 0, k));
+            let aim = draws::aim(light, origin, draws::draw_of(one.wide * vertex.seed, 0, k));
             let cosine = normal.dot(aim.direction);
             if cosine <= 0.0 || aim.distance <= 0.0 {
                 continue;

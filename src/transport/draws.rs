@@ -112,6 +112,9 @@ pub struct HeadLight {
     pub rgb: Vec3,
     /// E_j = ∫G_j dω; below 0 of a lamp near the hair, whose solid angle stands for it.
     pub energy: f32,
+    /// 1 of a wide light: each vertex looks for it in directions of its own, and is evened out with those about it.
+    pub wide: u32,
+    pub pad: [u32; 3],
 }
 
 /// A place on the head: `HeadVertex` of shaders/head_light.wgsl.
@@ -120,7 +123,8 @@ pub struct HeadLight {
 pub struct HeadVertex {
     /// Relative to the hair's centre.
     pub position: Vec3,
-    pub pad_1: u32,
+    /// By which rays to wide lights are drawn.
+    pub seed: u32,
     pub normal: Vec3,
     pub pad_2: u32,
     /// Bit by bit, from the lowest of the first, which lights are looked for.
@@ -130,9 +134,9 @@ pub struct HeadVertex {
 
 impl HeadVertex {
     /// `position` relative to the hair's centre; `normal` of length 1.
-    pub fn new(position: Vec3, normal: Vec3, lights: u64) -> HeadVertex {
+    pub fn new(position: Vec3, normal: Vec3, seed: u32, lights: u64) -> HeadVertex {
         let lights = [lights as u32, (lights >> 32) as u32];
-        HeadVertex { position, normal, lights, ..HeadVertex::zeroed() }
+        HeadVertex { position, seed, normal, lights, ..HeadVertex::zeroed() }
     }
 
     pub fn looks_for(&self, light: usize) -> bool {
