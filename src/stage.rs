@@ -90,6 +90,10 @@ impl Geometry {
     /// Strands whose fibres are `diameter` wide at their thickest, and a head.
     pub fn new(hair: Hair, head: Option<Head>, diameter: f32) -> Geometry {
         let frames = Frames::new(&hair);
+        let head = head.map(|mut head| {
+            head.split_folds();
+            head
+        });
         let (center, radius) = hair.center_radius();
         let (diameters, mended, notes) = Default::default();
         let head_albedo = head::CLAY.into();

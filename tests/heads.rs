@@ -262,7 +262,13 @@ impl Files {
     }
 }
 
+/// Of heads on a stage, where folds are split.
 fn farthest(a: &Head, b: &Head) -> f32 {
+    let [a, b] = [a, b].map(|head| {
+        let mut head = head.clone();
+        head.split_folds();
+        head
+    });
     assert_eq!(a.positions.len(), b.positions.len());
     let apart = a.positions.iter().zip(&b.positions).map(|(a, b)| a.distance(*b));
     apart.fold(0.0, f32::max)
@@ -305,6 +311,7 @@ fn a_head_in_other_units_or_axes_is_put_beneath_the_roots() {
         scene.head.offset = Some([1.0, 2.0, 3.0]);
         let mut said = head::load(&scene.head.source).unwrap().head;
         said.place(&Placement { up: Up::X, scale: 0.5, offset: vec3(1.0, 2.0, 3.0) });
+        said.split_folds();
         let stage = Geometry::load(&scene).unwrap();
         assert_eq!(stage.head.unwrap(), said);
         // Of what is not said, the rest is found.

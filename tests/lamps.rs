@@ -725,7 +725,8 @@ fn without_lamps_frames_are_the_same_bytes() {
     // The code that lamps need, compiled in, leaves them as they are too.
     let general = view.method.clone().as_general();
     let at = (&view.stage, &view.medium);
-    lit.show(at, &mut view.renderer, &general, None, 4.0, &|_| true).unwrap();
+    let seen = (&view.points[..], Some(&view.head));
+    lit.show_at(at, &mut view.renderer, &general, None, seen, 4.0, &|_| true).unwrap();
     let frame = view.renderer.render(&view.lens, 64, Background::Transparent, SINGLE).unwrap();
     let off = |(a, b): (&[f32; 4], &[f32; 3])| (0..3).map(|c| (a[c] - b[c]).abs()).sum::<f32>();
     let most = frame.pixels.iter().zip(&before.rgb).map(off).fold(0.0, f32::max);

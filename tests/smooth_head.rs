@@ -207,8 +207,8 @@ fn shadows_on_the_head_are_as_crisp_as_pixels() {
 fn a_lattice_holds_each_point_once_where_the_shader_looks_for_it() {
     let head = ball();
     let fine = FineHead::new(&head, 0.4);
-    let all: Vec<(u32, u64)> =
-        (0..fine.head.triangles.len() as u32).map(|t| (t, 1 << (t % 3))).collect();
+    let all: Vec<(u32, u64, bool)> =
+        (0..fine.head.triangles.len() as u32).map(|t| (t, 1 << (t % 3), true)).collect();
     for across in [2, 4, 8] {
         let detail = hairlight::head::Detail::new(&fine, across, &all);
         let places: Vec<Vec3> =

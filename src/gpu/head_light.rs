@@ -21,8 +21,6 @@ const LIFT: f32 = 2e-5;
 const CONTRAST: f32 = 0.025;
 /// How often wide lights are evened out from neighbour to neighbour.
 const SOFTENINGS: usize = 3;
-/// Triangles that cover less than so much of a pixel stay as they are.
-const LEAST_PIXELS: f32 = 0.5;
 /// Rays of a light at such a point: one for so much of its bandwidth, but at least and at most so many. All points look in
 /// the same directions, so that its shadows are copies of each other and no noise.
 const DETAIL_LAMBDA: f32 = 0.03;
@@ -137,13 +135,11 @@ impl HeadSurface {
         seen: Option<&SeenHead>,
         caster: &mut HeadRayCaster,
     ) -> Result<Vec<f32>> {
-        let triangles = &self.fine.head.triangles;
-        let mut shown = vec![seen.is_none(); self.fine.places.len()];
-        if let Some(seen) = seen {
-            let covered = triangles.iter().zip(&seen.pixels).filter(|(_, pixels)| **pixels > 0.0);
-            let corners = covered.flat_map(|(corners, _)| corners);
-            corners.for_each(|&vertex| shown[vertex as usize] = true);
-        }
+        // Beside what is seen what its light depends on, so that it does not depend on the view.
+        let shown = match seen {
+            Some(seen) => self.around(seen, 2 + SOFTENINGS),
+            None => vec![true; self.fine.places.len()],
+        };
         let vertices: Vec<usize> = (0..shown.len()).filter(|&vertex| shown[vertex]).collect();
         let of =
             |&vertex: &usize| self.vertex(head, &self.fine.places[vertex], vertex as u32, u64::MAX);
@@ -157,6 +153,23 @@ impl HeadSurface {
         }
         self.soften(&shown, caster.lights, &mut all);
         Ok(all)
+    }
+
+    /// Which vertices lie within so many triangles of what is seen.
+    fn around(&self, seen: &SeenHead, triangles: usize) -> Vec<bool> {
+        let all = &self.fine.head.triangles;
+        let mut shown = vec![false; self.fine.places.len()];
+        let covered = all.iter().zip(&seen.pixels).filter(|(_, pixels)| **pixels > 0.0);
+        covered.flat_map(|(corners, _)| corners).for_each(|&vertex| shown[vertex as usize] = true);
+        for _ in 1..triangles {
+            let before = shown.clone();
+            for corners in all {
+                if corners.iter().any(|&vertex| before[vertex as usize]) {
+                    corners.iter().for_each(|&vertex| shown[vertex as usize] = true);
+                }
+            }
+        }
+        shown
     }
 
     /// Evens out T̃ of wide lights, of which a vertex has few rays, over vertices that are near each other.
@@ -204,20 +217,20 @@ impl HeadSurface {
     ) -> Detail {
         let edge = EDGE * caster.stage.radius / seen.pixel.max(f32::MIN_POSITIVE);
         let across = edge.log2().round().exp2().clamp(1.0, MOST_ACROSS) as u32;
-        let triangles = &self.fine.head.triangles;
-        let large = (0u32..).zip(&seen.pixels).filter(|(_, pixels)| **pixels > LEAST_PIXELS);
-        let large: Vec<u32> = large.map(|(triangle, _)| triangle).collect();
-        if across < 2 || large.is_empty() {
+        if across < 2 {
             return Detail::default();
         }
+        let triangles = &self.fine.head.triangles;
+        let near = self.around(seen, 1);
         let lights = caster.lights.len();
         let of = |vertex: u32| &of_vertices[vertex as usize * lights..][..lights];
         let most = CONTRAST * caster.whole();
-        let rough = |&triangle: &u32| {
-            let lights = caster.differing(triangles[triangle as usize].map(of), most);
-            (lights != 0).then_some((triangle, lights))
+        let rough = |(triangle, corners): (usize, &[u32; 3])| {
+            let beside = corners.iter().any(|&vertex| near[vertex as usize]);
+            let lights = if beside { caster.differing(corners.map(of), most) } else { 0 };
+            (lights != 0).then_some((triangle as u32, lights, seen.pixels[triangle] > 0.0))
         };
-        let rough: Vec<(u32, u64)> = large.iter().filter_map(rough).collect();
+        let rough: Vec<(u32, u64, bool)> = triangles.iter().enumerate().filter_map(rough).collect();
         Detail::new(&self.fine, across, &rough)
     }
 

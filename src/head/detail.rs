@@ -31,14 +31,19 @@ pub struct Detail {
 }
 
 impl Detail {
-    /// Of these triangles, each with the lights that differ in it.
-    pub fn new(fine: &FineHead, across: u32, triangles: &[(u32, u64)]) -> Detail {
+    /// Of the `triangles` that are wanted, each with the lights that differ in it. Others count for the points on their
+    /// edges alone, so that those do not depend on what else is wanted.
+    pub fn new(fine: &FineHead, across: u32, triangles: &[(u32, u64, bool)]) -> Detail {
         let all = &fine.head.triangles;
         let mut detail = Detail { across, points: Vec::new(), words: vec![0; all.len()] };
         let mut known: HashMap<Steps, u32> = HashMap::new();
-        for &(triangle, lights) in triangles {
+        let wanted = triangles.iter().filter(|triangle| triangle.2);
+        let others = triangles.iter().filter(|triangle| !triangle.2);
+        for &(triangle, lights, wanted) in wanted.chain(others) {
             let [a, b, c] = all[triangle as usize];
-            detail.words[triangle as usize] = detail.words.len() as u32;
+            if wanted {
+                detail.words[triangle as usize] = detail.words.len() as u32;
+            }
             for j in 0..=across {
                 for i in 0..=across - j {
                     let steps = [across - i - j, i, j];
@@ -46,12 +51,20 @@ impl Detail {
                     key.iter_mut().filter(|(_, steps)| *steps == 0).for_each(|none| *none = (0, 0));
                     key.sort_unstable();
                     let next = detail.points.len() as u32;
-                    let index = *known.entry(key).or_insert(next);
+                    let index = match wanted {
+                        true => *known.entry(key).or_insert(next),
+                        false => known.get(&key).copied().unwrap_or(u32::MAX),
+                    };
                     match detail.points.get_mut(index as usize) {
                         Some(point) => point.lights |= lights,
-                        None => detail.points.push(DetailPoint { triangle, steps, lights }),
+                        None if wanted => {
+                            detail.points.push(DetailPoint { triangle, steps, lights });
+                        }
+                        None => {}
                     }
-                    detail.words.push(index);
+                    if wanted {
+                        detail.words.push(index);
+                    }
                 }
             }
         }

@@ -130,7 +130,6 @@ fn parse(bytes: &[u8]) -> Result<LoadedHead> {
             sum.try_normalize().unwrap_or(DVec3::Y).as_vec3()
         });
     }
-    head.split_folds();
     Ok(LoadedHead {
         dropped_triangles: mesh.indices.len() / 3 - head.triangles.len(),
         turned_triangles,
