@@ -1,5 +1,5 @@
 #!/bin/sh
-# Frames beside their path-traced truth: the table "Frame against truth" of the README, a line a scene.
+# Frames beside their path-traced truth: the table of frames against their truth in the README (SPP=256), a line a scene.
 # Usage: docs/truth.sh FOLDER [hairlight arguments that choose hair and head]
 set -eu
 folder=$1
