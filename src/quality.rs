@@ -175,14 +175,14 @@ impl Facts {
 /// The inclination that stands for light from everywhere, radians.
 const MEAN_INCLINATION: f64 = 0.5;
 /// Of black hair under even light, of the usual rays, and how it falls with more.
-const RAY_ERROR: f64 = 0.015;
+const RAY_ERROR: f64 = 0.02;
 const RAY_POWER: f64 = 0.4;
 const CONTRAST_POWER: f64 = 0.5;
 /// Of a fibre that loses nothing, under even light, by `fast` and by `xu`.
 const MULTIPLE_ERROR: [f64; 2] = [0.07, 0.3];
 const MULTIPLE_POWER: f64 = 0.65;
 /// Of black hair of a tenth of a pixel at one sample.
-const COVERAGE_ERROR: f64 = 0.72;
+const COVERAGE_ERROR: f64 = 0.9;
 
 /// What a frame costs on this device.
 #[derive(Clone, Copy, Debug)]

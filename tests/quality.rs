@@ -75,7 +75,7 @@ fn the_expected_error_is_the_measured_one_within_a_factor_of_two() {
     {
         let map = format!("builtin:{map}");
         let looks = [&["--env", &map, "--preset", preset], &*words(scene)].concat();
-        run("reference", &[&["-q", "--spp", "48", "-o", "truth.exr"], &*looks].concat());
+        run("reference", &[&["-q", "--spp", "160", "-o", "truth.exr"], &*looks].concat());
         let [crude, fine] = ["40%", "14%"].map(|quality| {
             let more = ["--quality", quality, "--stats", "figures.json", "-o", "frame.exr"];
             let output = capture(folder.path(), &[&looks[..], &more].concat());
