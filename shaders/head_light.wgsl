@@ -1,5 +1,5 @@
-// Irradiance of places on the head from lights that are narrow and bright, by rays; the rest comes from a volume
-// (src/light.rs). Twin: StrandRays::irradiance of src/reference/transmittance.rs.
+// Irradiance of places on the head from the brightest lights, by rays; the rest comes from a volume (src/light.rs).
+// Twin: StrandRays::irradiance of src/reference/transmittance.rs.
 
 struct HeadLight {
     light: TracedLight,     // `column` is not used

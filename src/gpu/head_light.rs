@@ -336,6 +336,24 @@ impl HeadRayCaster<'_> {
             };
             return Ok(vertices.par_iter().flat_map_iter(of).collect());
         }
+        // A buffer holds what one dispatch finds.
+        let limit = self.gpu.device.limits().max_storage_buffer_binding_size as usize;
+        let most = (limit / (4 * lights.len()).max(size_of::<HeadVertex>())).max(1);
+        let mut found = Vec::with_capacity(vertices.len() * lights.len());
+        for some in vertices.chunks(most) {
+            found.extend(self.on_device(pipeline, some, lights, [lift, spread])?);
+        }
+        Ok(found)
+    }
+
+    /// The same on the device, of as many places as one buffer has room for.
+    fn on_device(
+        &mut self,
+        pipeline: &mut Option<wgpu::ComputePipeline>,
+        vertices: &[HeadVertex],
+        lights: &[HeadLight],
+        [lift, spread]: [f32; 2],
+    ) -> Result<Vec<f32>> {
         self.traced.prepare(self.gpu, self.stage);
         let Some((buffers, head)) = self.traced.met() else { return Ok(Vec::new()) };
         let Gpu { device, queue, shaders, .. } = self.gpu;
