@@ -3,6 +3,7 @@
 const PI = 3.14159265358979;
 const HALF_PI = 1.57079632679490;
 const TWO_PI = 6.28318530717959;
+const SQRT_HALF = 0.70710678118655;
 
 // asin(x), x in [−1, 1]: Abramowitz & Stegun 4.4.46 in f32, absolute error below 4e-7.
 fn asin_accurate(x: f32) -> f32 {

@@ -37,3 +37,22 @@ fn sight(theta_o: f32, m: Lengthwise, node: Node, exponent: f32) -> Sight {
 fn energy_compensation(fibre: Fibre, theta_o: f32) -> vec3f {
     return vec3f(1.0);
 }
+
+// θ_i of a Gaussian on the sphere about a place of the cone (d'Eon et al. 2013), and what its weight is multiplied by.
+fn draw_inclination(fibre: Fibre, t: u32, theta_o: f32, u: vec2f) -> vec2f {
+    let m = lengthwise(fibre, theta_o, t);
+    let v = 0.5 * m.lambda * m.lambda;
+    let drop = clamp(-v * log(max(1.0 - u.x * (1.0 - exp(-2.0 / v)), 1e-20)), 0.0, 2.0);
+    let across = sqrt(max(drop * (2.0 - drop), 0.0));
+    let sine = across * cos(TWO_PI * u.y) * cos(m.centre) + (1.0 - drop) * sin(m.centre);
+    return vec2f(asin_accurate(clamp(sine, -1.0, 1.0)), 1.0);
+}
+
+fn draw_cos_path(theta_i: f32, theta_o: f32) -> f32 {
+    return max(cos(theta_o), 0.0);
+}
+
+// Standard deviation of a mode's own blur over azimuth.
+fn draw_blur(fibre: Fibre, t: u32) -> f32 {
+    return SQRT_HALF * fibre.w_c;
+}

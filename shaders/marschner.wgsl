@@ -49,3 +49,20 @@ fn energy_compensation(fibre: Fibre, theta_o: f32) -> vec3f {
 fn clear_energy(eta: EtaPlace, t: u32, cos_theta: f32) -> f32 {
     return max(dot(energy_weights(eta, t, max(cos_theta, 0.0)), vec4f(1.0)), 1e-9);
 }
+
+// θ_i by M_t (Box and Muller 1958), and what its weight is multiplied by; 0 past a pole.
+fn draw_inclination(fibre: Fibre, t: u32, theta_o: f32, u: vec2f) -> vec2f {
+    let m = lengthwise(fibre, theta_o, t);
+    let theta = m.centre + m.lambda * sqrt(-log(max(1.0 - u.x, 1e-20))) * cos(TWO_PI * u.y);
+    let inside = abs(theta) < HALF_PI;
+    return vec2f(clamp(theta, -HALF_PI, HALF_PI), select(0.0, projection(theta, theta_o), inside));
+}
+
+fn draw_cos_path(theta_i: f32, theta_o: f32) -> f32 {
+    return max(cos(0.5 * (theta_o - theta_i)), 0.0);
+}
+
+// Standard deviation of a mode's own blur over azimuth.
+fn draw_blur(fibre: Fibre, t: u32) -> f32 {
+    return select(0.0, SQRT_HALF * fibre.w_c, t == 2u);
+}

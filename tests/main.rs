@@ -5,6 +5,7 @@ mod bench;
 mod chi_square;
 mod cli;
 mod color;
+mod draw;
 mod editor;
 mod editor_controls;
 mod editor_failures;

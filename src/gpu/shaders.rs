@@ -17,7 +17,7 @@ macro_rules! files {
 }
 
 /// Every file, by its path in shaders/.
-const FILES: [(&str, &str); 27] = files![
+const FILES: [(&str, &str); 28] = files![
     "angles.wgsl",
     "arrival.wgsl",
     "azimuth_table.wgsl",
@@ -28,6 +28,7 @@ const FILES: [(&str, &str); 27] = files![
     "exact.wgsl",
     "fast.wgsl",
     "fibre.wgsl",
+    "fibre_draw.wgsl",
     "gaussian.wgsl",
     "head_light.wgsl",
     "lamp.wgsl",
@@ -61,10 +62,10 @@ const COMMON: [&str; 6] = [
 fn own(integrator: Integrator) -> &'static [&'static str] {
     match integrator {
         Integrator::Fast(Model::Marschner) => {
-            &["azimuth_table.wgsl", "nodes.wgsl", "fast.wgsl", "marschner.wgsl"]
+            &["azimuth_table.wgsl", "nodes.wgsl", "fast.wgsl", "fibre_draw.wgsl", "marschner.wgsl"]
         }
         Integrator::Fast(Model::Deon) => {
-            &["azimuth_table.wgsl", "nodes.wgsl", "fast.wgsl", "deon.wgsl"]
+            &["azimuth_table.wgsl", "nodes.wgsl", "fast.wgsl", "fibre_draw.wgsl", "deon.wgsl"]
         }
         Integrator::Xu => &["tables.wgsl", "azimuthal.wgsl", "dual.wgsl", "walk.wgsl", "xu.wgsl"],
     }

@@ -57,8 +57,8 @@ impl Tables {
 
 /// The method for one fibre.
 pub struct Fast<'a> {
-    fibre: Fibre,
-    model: Model,
+    pub(super) fibre: Fibre,
+    pub(super) model: Model,
     tables: &'a Tables,
 }
 
@@ -182,8 +182,15 @@ impl<'a> Fast<'a> {
         most
     }
 
+    /// [`Self::energy_at`] at the mean of η*, TRRT's without longer paths.
+    pub(super) fn own_energy(&self, mode: Mode, cos_path: f64) -> [f64; 3] {
+        let eta = self.mean_eta(mode);
+        let weights = self.tables.azimuth.energy(mode, eta, cos_path);
+        self.fibre.sigma_a.map(|sigma_a| transmitted(weights, mode, eta, cos_path, sigma_a))
+    }
+
     /// η, or of an eccentric fibre's TRT η* where cos 2φ_h is `cos` (Eq 24).
-    fn eta_star(&self, mode: Mode, cos: f64) -> f64 {
+    pub(super) fn eta_star(&self, mode: Mode, cos: f64) -> f64 {
         match mode {
             Mode::Trt => {
                 let (mean, half) = eccentric_eta(self.fibre.eta, self.fibre.eccentricity);
@@ -194,12 +201,12 @@ impl<'a> Fast<'a> {
     }
 
     /// η, or of an eccentric fibre's TRT the mean of η*(φ_h).
-    fn mean_eta(&self, mode: Mode) -> f64 {
+    pub(super) fn mean_eta(&self, mode: Mode) -> f64 {
         self.eta_star(mode, 0.0)
     }
 
     /// E of all paths longer than TRRT.
-    fn rest_energy(&self, cos_path: f64, channel: usize) -> f64 {
+    pub(super) fn rest_energy(&self, cos_path: f64, channel: usize) -> f64 {
         let weights = self.tables.azimuth.rest_energy(self.fibre.eta, cos_path);
         transmitted_rest(weights, self.fibre.eta, cos_path, self.fibre.sigma_a[channel])
     }

@@ -8,6 +8,7 @@
 
 pub mod azimuth_table;
 pub mod azimuthal;
+pub mod draw;
 pub mod dual;
 pub mod fast;
 pub mod fibre;

@@ -100,7 +100,7 @@ impl Model {
     }
 
     /// Centre and bandwidth of M over θ_i.
-    fn shape(self, fibre: &Fibre, mode: Mode, theta_o: f64) -> (f64, f64) {
+    pub(super) fn shape(self, fibre: &Fibre, mode: Mode, theta_o: f64) -> (f64, f64) {
         let t = mode as usize;
         let shift = fibre.alpha.get(t).map_or(0.0, |alpha| 2.0 * alpha);
         let lambda_m = longitudinal_bandwidth(fibre.beta[t.min(2)]);

@@ -1,0 +1,120 @@
+// Directions that light comes to a fibre from, drawn by what the fibre sends of it to one viewer, for fast.wgsl. Twin:
+// src/scattering/draw.rs. marschner.wgsl and deon.wgsl define draw_inclination and draw_blur.
+
+// A direction, and by what radiance from there is multiplied; 0 of a draw that carries no light.
+struct Drawn {
+    theta_i: f32,
+    phi_i: f32,     // counted as φ_o is
+    weight: vec3f,
+}
+
+// R, TT, TRT, TRRT and all longer paths: energy by the table, energy compensation and tint.
+struct DrawShares {
+    mean: array<f32, 5>,
+    factors: array<vec3f, 5>,
+}
+
+// Of a mode by itself, RGB, untinted.
+fn mode_energy(fibre: Fibre, t: u32, cos_path: f32) -> vec3f {
+    let eta = mean_eta(fibre, t);
+    let weights = energy_weights(eta, t, cos_path);
+    return transmitted(weights, f32(t), azimuth_absorption(eta.eta, cos_path), fibre.sigma_a);
+}
+
+fn draw_shares(fibre: Fibre, factors: Modes, theta_o: f32) -> DrawShares {
+    let cos_path = max(cos(theta_o), 0.0);
+    var shares: DrawShares;
+    shares.factors = array(factors.r, factors.tt, factors.trt, factors.longer, factors.longer);
+    for (var t = 0u; t < 4u; t++) {
+        if has_mode(t) {
+            shares.mean[t] = dot(shares.factors[t], mode_energy(fibre, t, cos_path)) / 3.0;
+        }
+    }
+    if has_mode(3u) {
+        shares.mean[4] = dot(shares.factors[4], rest_energy(fibre, cos_path)) / 3.0;
+    }
+    return shares;
+}
+
+// By four uniform numbers in [0, 1), for the viewer at θ_o and φ_o, counted from the minor axis of an eccentric fibre.
+// `factors` as fast.wgsl's Strand has them.
+fn draw(fibre: Fibre, factors: Modes, theta_o: f32, phi_o: f32, u: vec4f) -> Drawn {
+    let shares = draw_shares(fibre, factors, theta_o);
+    var total = 0.0;
+    for (var k = 0u; k < 5u; k++) {
+        total += shares.mean[k];
+    }
+    var left = u.x * total;
+    var p = 0u;
+    for (; p < 4u && left >= shares.mean[p]; p++) {
+        left -= shares.mean[p];
+    }
+    let share = shares.mean[p];
+    var drawn = Drawn(0.0, 0.0, vec3f());
+    for (var there = share > 0.0; there; there = false) {
+        let t = min(p, 3u);
+        let along = draw_inclination(fibre, t, theta_o, u.yz);
+        let cos_path = draw_cos_path(along.x, theta_o);
+        drawn.theta_i = along.x;
+        drawn.phi_i = wrap(phi_o + TWO_PI * u.w);
+        var own = vec3f();
+        if (p == 4u) {
+            own = rest_energy(fibre, cos_path);
+        } else {
+            let h = clamp(2.0 * u.w - 1.0, -1.0, 1.0);
+            // What the choice leaves of its number is as even as the number was.
+            let blur = draw_blur(fibre, t) * normal_quantile(left / share);
+            var eta = select(fibre.eta, max(fibre.eta_star.x, 1.0), t == 2u);
+            if (ECCENTRIC && t == 2u) {
+                let phi = exit_azimuth(t, h, eta, cos_path) + blur;
+                eta = max(fibre.eta_star.x + fibre.eta_star.y * cos(phi + 2.0 * phi_o), 1.0);
+            }
+            drawn.phi_i = wrap(phi_o + exit_azimuth(t, h, eta, cos_path) + blur);
+            own = path_attenuation(fibre, t, h, eta, cos_path);
+        }
+        drawn.weight = max(along.y * total / share * shares.factors[p] * own, vec3f());
+    }
+    return drawn;
+}
+
+// √(η²−sin²θ) of the path's cosθ.
+fn slant(eta: f32, cos_path: f32) -> f32 {
+    return sqrt(max(eta * eta - 1.0 + cos_path * cos_path, 1e-12));
+}
+
+// Φ_t(h), not wrapped.
+fn exit_azimuth(t: u32, h: f32, eta: f32, cos_path: f32) -> f32 {
+    let h_t = h * min(cos_path / slant(eta, cos_path), 1.0);
+    return 2.0 * f32(t) * asin_accurate(h_t) - 2.0 * asin_accurate(h) + f32(t) * PI;
+}
+
+// A_t(h), RGB.
+fn path_attenuation(fibre: Fibre, t: u32, h: f32, eta: f32, cos_path: f32) -> vec3f {
+    let f = fresnel(cos_path * sqrt(max(1.0 - h * h, 0.0)), eta);
+    let s = slant(eta, cos_path);
+    let h_t = h * min(cos_path / s, 1.0);
+    let chord = 2.0 * eta / s * sqrt(max(1.0 - h_t * h_t, 0.0));
+    var surface = 1.0;
+    for (var k = 1u; k < t; k++) {
+        surface *= f;
+    }
+    let inside = surface * square(1.0 - f) * exp(-f32(t) * chord * fibre.sigma_a);
+    return select(inside, vec3f(f), t == 0u);
+}
+
+// Of unpolarised light at a cosine of incidence.
+fn fresnel(cosine: f32, eta: f32) -> f32 {
+    let g = slant(eta, cosine);
+    let s = (cosine - g) / (cosine + g);
+    let p = (eta * eta * cosine - g) / (eta * eta * cosine + g);
+    return 0.5 * (s * s + p * p);
+}
+
+// x below which lies the share u of a normal distribution of σ = 1, to 4e-3: Winitzki 2008.
+fn normal_quantile(u: f32) -> f32 {
+    const A = 0.147;
+    let x = clamp(2.0 * u - 1.0, -0.9999999, 0.9999999);
+    let log_ = log(max((1.0 - x) * (1.0 + x), 1e-7));
+    let b = 2.0 / (PI * A) + 0.5 * log_;
+    return sign(x) * sqrt(2.0 * max(sqrt(max(b * b - log_ / A, 0.0)) - b, 0.0));
+}
