@@ -358,15 +358,25 @@ impl LitHair {
         progress: Progress,
     ) -> Result<()> {
         self.set(renderer, method, rays);
-        let host = medium.rays(stage, renderer);
-        let rays = self.head_rays(stage);
-        let rest = self.head_irradiance_of(|j| rays[j] == 0);
-        renderer.light_head(stage, &rest, &self.head_lights(stage, &rays), head, host)?;
-        if !renderer.trace(stage, points, host, progress)? {
+        self.light_head((stage, medium), renderer, head)?;
+        if !renderer.trace(stage, points, medium.rays(stage, renderer), progress)? {
             bail!("cancelled");
         }
         Self::set_field(renderer, field);
         Ok(())
+    }
+
+    /// Lights the head by rays.
+    fn light_head(
+        &self,
+        (stage, medium): (&Geometry, &HairMedium),
+        renderer: &mut Renderer,
+        seen: Option<&SeenHead>,
+    ) -> Result<()> {
+        let rays = self.head_rays(stage);
+        let rest = self.head_irradiance_of(|j| rays[j] == 0);
+        let host = medium.rays(stage, renderer);
+        renderer.light_head(stage, &rest, &self.head_lights(stage, &rays), seen, host)
     }
 
     /// The same with T̃ that is known: `words[j][k]` is light j at point k.
@@ -375,14 +385,15 @@ impl LitHair {
     /// The device was lost.
     pub fn show_known(
         &self,
-        stage: &Geometry,
+        at: (&Geometry, &HairMedium),
         renderer: &mut Renderer,
         method: &MethodData,
         field: Option<&Field>,
+        head: Option<&SeenHead>,
         words: &[Vec<Words>],
     ) -> Result<()> {
         self.set(renderer, method, 1.0);
-        renderer.light_head(stage, &self.head_irradiance(), &[], None, None)?;
+        self.light_head(at, renderer, head)?;
         renderer.upload(&self.points, words);
         Self::set_field(renderer, field);
         Ok(())

@@ -90,7 +90,7 @@ impl OfModel {
         if let Some(data) = exact {
             view.show(&lit.hair, &data, None)?;
             let by_transport = shot(view, SINGLE)?;
-            lit.hair.show_known(view.stage, &mut view.renderer, &data, None, &lit.exact)?;
+            view.show_exact(lit, &data, None)?;
             singles = Some([by_transport, shot(view, SINGLE)?]);
         }
         Ok(OfModel { fitted, fitted_single, exact_single: singles })
@@ -105,7 +105,7 @@ fn shot(view: &mut View, parts: Parts) -> Result<Picture> {
 pub(super) fn measure(view: &mut View, subject: &Subject) -> Result<Causes> {
     let Subject { ref method, data, field, lit, truth, model } = *subject;
     let OfModel { fitted, fitted_single, exact_single } = model;
-    lit.hair.show_known(view.stage, &mut view.renderer, data, field, &lit.exact)?;
+    view.show_exact(lit, data, field)?;
     let by_rays = shot(view, ALL)?;
     let single_by_rays = shot(view, SINGLE)?;
     view.show(&lit.hair, data, field)?;

@@ -159,6 +159,17 @@ impl<'a> View<'a> {
         hair.show_at(at, &mut self.renderer, data, field, seen, rays, &|_| true)
     }
 
+    /// The same with T̃ by many rays; the head is lit as frames light it.
+    pub fn show_exact(
+        &mut self,
+        lit: &Lit,
+        data: &MethodData,
+        field: Option<&Field>,
+    ) -> Result<()> {
+        let (at, seen) = ((self.stage, &self.medium), Some(&self.seen_head));
+        lit.hair.show_known(at, &mut self.renderer, data, field, seen, &lit.exact)
+    }
+
     /// A frame and what its shading took.
     pub fn render(&mut self, parts: Parts) -> Result<(Frame, f64)> {
         let timed = |view: &mut Self, parts| {
