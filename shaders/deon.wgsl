@@ -48,6 +48,7 @@ fn draw_inclination(fibre: Fibre, t: u32, theta_o: f32, u: vec2f) -> vec2f {
     return vec2f(asin_accurate(clamp(sine, -1.0, 1.0)), 1.0);
 }
 
+// Cosine of the inclination that A_t and Φ_t follow from.
 fn draw_cos_path(theta_i: f32, theta_o: f32) -> f32 {
     return max(cos(theta_o), 0.0);
 }

@@ -1,5 +1,5 @@
 // Directions that light comes to a fibre from, drawn by what the fibre sends of it to one viewer, for fast.wgsl. Twin:
-// src/scattering/draw.rs. marschner.wgsl and deon.wgsl define draw_inclination and draw_blur.
+// src/scattering/draw.rs. marschner.wgsl and deon.wgsl define draw_inclination, draw_cos_path and draw_blur.
 
 // A direction, and by what radiance from there is multiplied; 0 of a draw that carries no light.
 struct Drawn {
@@ -64,7 +64,7 @@ fn draw(fibre: Fibre, factors: Modes, theta_o: f32, phi_o: f32, u: vec4f) -> Dra
             let h = clamp(2.0 * u.w - 1.0, -1.0, 1.0);
             // What the choice leaves of its number is as even as the number was.
             let blur = draw_blur(fibre, t) * normal_quantile(left / share);
-            var eta = select(fibre.eta, max(fibre.eta_star.x, 1.0), t == 2u);
+            var eta = mean_eta(fibre, t).eta;
             if (ECCENTRIC && t == 2u) {
                 let phi = exit_azimuth(t, h, eta, cos_path) + blur;
                 eta = max(fibre.eta_star.x + fibre.eta_star.y * cos(phi + 2.0 * phi_o), 1.0);
@@ -102,7 +102,7 @@ fn path_attenuation(fibre: Fibre, t: u32, h: f32, eta: f32, cos_path: f32) -> ve
     return select(inside, vec3f(f), t == 0u);
 }
 
-// Of unpolarised light at a cosine of incidence.
+// Reflectance of unpolarised light at a smooth surface, by its cosine of incidence.
 fn fresnel(cosine: f32, eta: f32) -> f32 {
     let g = slant(eta, cosine);
     let s = (cosine - g) / (cosine + g);

@@ -58,6 +58,7 @@ fn draw_inclination(fibre: Fibre, t: u32, theta_o: f32, u: vec2f) -> vec2f {
     return vec2f(clamp(theta, -HALF_PI, HALF_PI), select(0.0, projection(theta, theta_o), inside));
 }
 
+// Cosine of the inclination that A_t and Φ_t follow from.
 fn draw_cos_path(theta_i: f32, theta_o: f32) -> f32 {
     return max(cos(0.5 * (theta_o - theta_i)), 0.0);
 }

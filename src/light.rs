@@ -366,7 +366,7 @@ impl LitHair {
         Ok(())
     }
 
-    /// Lights the head by rays.
+    /// Lights the head by rays, at what is `seen` of it or at all vertices.
     fn light_head(
         &self,
         (stage, medium): (&Geometry, &HairMedium),
@@ -379,7 +379,7 @@ impl LitHair {
         renderer.light_head(stage, &rest, &self.head_lights(stage, &rays), seen, host)
     }
 
-    /// The same with T̃ that is known: `words[j][k]` is light j at point k.
+    /// [`Self::show_at`] with T̃ that is known at [`Self::points`]: `words[j][k]` is light j at point k.
     ///
     /// # Errors
     /// The device was lost.

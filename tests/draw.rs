@@ -7,13 +7,13 @@ use hairlight::scattering::{
     azimuthal::wrap,
     draw::Drawn,
     fast::{Fast, Tables},
-    fibre::Fibre,
+    fibre::{Fibre, linked_alpha},
     gaussian::concentration,
     model::Model,
 };
 use rayon::prelude::*;
 
-use super::wgsl::{Case, check, cpu, worst};
+use super::wgsl::{self, Case, check, cpu, worst};
 
 /// Four numbers of an even sequence in [0, 1).
 fn even(k: u32) -> [f64; 4] {
@@ -23,16 +23,8 @@ fn even(k: u32) -> [f64; 4] {
 }
 
 fn fibre(sigma_a: [f64; 3], beta_r_deg: f64, eccentricity: f64) -> Fibre {
-    let radians = |x: [f64; 3]| x.map(f64::to_radians);
-    Fibre {
-        eta: 1.55,
-        sigma_a,
-        alpha: radians([-3.0, 1.5, 4.5]),
-        beta: radians([beta_r_deg, 0.5 * beta_r_deg, 2.0 * beta_r_deg]),
-        w_c: 0.2,
-        eccentricity,
-        tint: Fibre::UNTINTED,
-    }
+    let alpha = linked_alpha(f64::to_radians(-3.0));
+    Fibre { alpha, ..wgsl::fibre(sigma_a, beta_r_deg, eccentricity) }
 }
 
 fn direction(theta: f64, phi: f64) -> [f64; 3] {

@@ -60,11 +60,9 @@ impl Fast<'_> {
             return Some(Drawn { theta_i, phi_i, weight: weighted(own) });
         }
         let gamma = (2.0 * u[3] - 1.0).clamp(-1.0, 1.0).asin();
-        let blur = match self.model {
-            Model::Deon => self.fibre.w_c / SQRT_2,
-            Model::Marschner if mode == Mode::Trt => self.fibre.w_c / SQRT_2,
-            Model::Marschner => 0.0,
-        } * normal_quantile(rest);
+        let blurred = self.model == Model::Deon || mode == Mode::Trt;
+        let sigma = if blurred { self.fibre.w_c / SQRT_2 } else { 0.0 };
+        let blur = sigma * normal_quantile(rest);
         let azimuth = |eta: f64| {
             let q = cos_path / slant(eta, cos_path);
             wrap(phi_o + exit_azimuth(mode.crossings(), gamma, q.min(1.0)) + blur)
@@ -86,9 +84,10 @@ impl Fast<'_> {
         let has_longer = self.model.modes().contains(&Mode::Trrt);
         let shares = std::array::from_fn(|p| {
             let mean = |own: [f64; 3]| (0..3).map(|c| factors[p][c] * own[c]).sum::<f64>() / 3.0;
+            let own = |mode| self.own_energy(mode, self.mean_eta(mode), cos_path);
             match p {
-                0..=2 => mean(self.own_energy(Mode::ALL[p], cos_path)),
-                3 if has_longer => mean(self.own_energy(Mode::Trrt, cos_path)),
+                0..=2 => mean(own(Mode::ALL[p])),
+                3 if has_longer => mean(own(Mode::Trrt)),
                 4 if has_longer => mean([0, 1, 2].map(|c| self.rest_energy(cos_path, c))),
                 _ => 0.0,
             }
@@ -96,7 +95,7 @@ impl Fast<'_> {
         (shares, factors)
     }
 
-    /// θ_i by M_t, which a draw past a pole has none of.
+    /// θ_i drawn from M_t; None where Marschner's Gaussian goes past ±π/2.
     fn draw_inclination(&self, mode: Mode, theta_o: f64, [u, v]: [f64; 2]) -> Option<f64> {
         let (centre, lambda) = self.model.shape(&self.fibre, mode, theta_o);
         let cos_turn = (TAU * v).cos();

@@ -158,12 +158,17 @@ impl<'a> Fast<'a> {
 
     /// Untinted, at an η of the mode's own.
     fn energy_at(&self, mode: Mode, eta: f64, cos_path: f64) -> [f64; 3] {
-        let weights = self.tables.azimuth.energy(mode, eta, cos_path);
+        let own = self.own_energy(mode, eta, cos_path);
         [0, 1, 2].map(|c| {
-            let own = transmitted(weights, mode, eta, cos_path, self.fibre.sigma_a[c]);
             let rest = if mode == Mode::Trrt { self.rest_energy(cos_path, c) } else { 0.0 };
-            own + rest
+            own[c] + rest
         })
+    }
+
+    /// The same, but TRRT's without longer paths.
+    pub(super) fn own_energy(&self, mode: Mode, eta: f64, cos_path: f64) -> [f64; 3] {
+        let weights = self.tables.azimuth.energy(mode, eta, cos_path);
+        self.fibre.sigma_a.map(|sigma_a| transmitted(weights, mode, eta, cos_path, sigma_a))
     }
 
     /// The most that a mode has of what the fibre scatters, over inclinations and channels; TRRT counts with all that
@@ -180,13 +185,6 @@ impl<'a> Fast<'a> {
             }
         }
         most
-    }
-
-    /// [`Self::energy_at`] at the mean of η*, TRRT's without longer paths.
-    pub(super) fn own_energy(&self, mode: Mode, cos_path: f64) -> [f64; 3] {
-        let eta = self.mean_eta(mode);
-        let weights = self.tables.azimuth.energy(mode, eta, cos_path);
-        self.fibre.sigma_a.map(|sigma_a| transmitted(weights, mode, eta, cos_path, sigma_a))
     }
 
     /// η, or of an eccentric fibre's TRT η* where cos 2φ_h is `cos` (Eq 24).
