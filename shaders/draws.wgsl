@@ -1,5 +1,8 @@
 // Which rays are drawn for a light. Twin: src/transport/draws.rs.
 
+// A ray that starts on a fibre misses its own strand over a path of so many radii.
+const CLEAR_RADII = 4.0;
+
 struct TracedLight {
     direction: vec3f,   // of a lamp near the hair: its centre
     lambda: f32,        // of a lamp: its size

@@ -21,6 +21,7 @@ fn mode_energy(fibre: Fibre, t: u32, cos_path: f32) -> vec3f {
     return transmitted(weights, f32(t), azimuth_absorption(eta.eta, cos_path), fibre.sigma_a);
 }
 
+// `factors` as fast.wgsl's Strand has them.
 fn draw_shares(fibre: Fibre, factors: Modes, theta_o: f32) -> DrawShares {
     let cos_path = max(cos(theta_o), 0.0);
     var shares: DrawShares;
@@ -37,9 +38,7 @@ fn draw_shares(fibre: Fibre, factors: Modes, theta_o: f32) -> DrawShares {
 }
 
 // By four uniform numbers in [0, 1), for the viewer at θ_o and φ_o, counted from the minor axis of an eccentric fibre.
-// `factors` as fast.wgsl's Strand has them.
-fn draw(fibre: Fibre, factors: Modes, theta_o: f32, phi_o: f32, u: vec4f) -> Drawn {
-    let shares = draw_shares(fibre, factors, theta_o);
+fn draw(fibre: Fibre, shares: DrawShares, theta_o: f32, phi_o: f32, u: vec4f) -> Drawn {
     var total = 0.0;
     for (var k = 0u; k < 5u; k++) {
         total += shares.mean[k];

@@ -3,8 +3,7 @@
 
 struct Needed {
     count: atomic<u32>,
-    shaded: u32,            // of these, how many earlier passes have shaded
-    dispatch: vec3u,        // workgroups of `shade` for the rest
+    shaded: u32,            // how many of them are shaded
     points: array<u32>,
 }
 
@@ -35,15 +34,4 @@ fn mark(@builtin(global_invocation_id) pixel: vec3u) {
             atomicAdd(&head_seen[seen.id], 1u);
         }
     }
-}
-
-@compute @workgroup_size(1)
-fn plan_shading() {
-    let groups = (atomicLoad(&needed.count) - needed.shaded + 63u) / 64u;
-    needed.dispatch = vec3u(min(groups, 4096u), (groups + 4095u) / 4096u, 1u);
-}
-
-@compute @workgroup_size(1)
-fn end_shading() {
-    needed.shaded = atomicLoad(&needed.count);
 }

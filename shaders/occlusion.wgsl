@@ -19,9 +19,6 @@ const PLACE = 0x3fffffffu;
 const ROOT = 0x40000000u;
 const TIP = 0x80000000u;
 
-// A ray that starts on a fibre misses its own strand over a path of so many radii.
-const CLEAR_RADII = 4.0;
-
 struct Ray {
     origin: vec3f,
     direction: vec3f,   // unit
@@ -120,10 +117,10 @@ fn trace(ray: Ray, head: vec2u) -> Met {
     while (!walk.over) {
         var leaves = visit(ray, &walk);
         for (; leaves.bits != 0u; leaves.bits &= leaves.bits - 1u) {
-            let side = meets_segment(ray, item_of(leaves));
-            met.strands += u32(side > 0);
-            met.behind += u32(side < 0);
-            if (!COUNT_STRANDS && side > 0) {
+            let t = meets_segment(ray, item_of(leaves));
+            met.strands += u32(t > 0.0);
+            met.behind += u32(t < 0.0);
+            if (!COUNT_STRANDS && t > 0.0) {
                 return met;
             }
         }
@@ -140,7 +137,7 @@ fn meets_head(ray: Ray, head: vec2u) -> bool {
     while (!walk.over) {
         var leaves = visit(ray, &walk);
         for (; leaves.bits != 0u; leaves.bits &= leaves.bits - 1u) {
-            if meets_triangle(ray, head.y + 3u * item_of(leaves)) {
+            if (meets_triangle(ray, head.y + 3u * item_of(leaves)).x > 0.0) {
                 return true;
             }
         }
@@ -173,8 +170,8 @@ fn lesser(a: vec4f, b: vec4f) -> vec4f {
     return select(b, a, a < b);
 }
 
-// Whether a ray meets a segment: 1, or −1 where that is on the other side of its origin.
-fn meets_segment(ray: Ray, item: u32) -> i32 {
+// The path to where a ray enters a segment, negative where that is on the other side of its origin; 0 of a miss.
+fn meets_segment(ray: Ray, item: u32) -> f32 {
     let a = shapes[2u * item];
     let b = shapes[2u * item + 1u];
     let offset = a.xyz - ray.origin;
@@ -190,7 +187,7 @@ fn meets_segment(ray: Ray, item: u32) -> i32 {
     let radius = mix(a.w, b.w, s);
     let miss = aside + s * slant;
     let inside2 = radius * radius - dot(miss, miss);
-    var side = 0;
+    var met = 0.0;
     for (var near = inside2 > 0.0; near; near = false) {
         let inside = sqrt(inside2);
         // Along the cylinder, but within the piece however small the angle between ray and axis.
@@ -204,13 +201,14 @@ fn meets_segment(ray: Ray, item: u32) -> i32 {
         let cut = (s < unbound && (place & TIP) != 0u) || (s > unbound && (place & ROOT) != 0u);
         // Of two pieces that meet, the later one has the joint.
         let twice = COUNT_STRANDS && s < unbound;
-        side = select(0, select(-1, 1, t > 0.0), !own && !cut && !twice && t < ray.most);
+        met = select(0.0, t, !own && !cut && !twice && t < ray.most);
     }
-    return side;
+    return met;
 }
 
-// Möller and Trumbore 1997; from either side.
-fn meets_triangle(ray: Ray, first: u32) -> bool {
+// The path to a triangle, 0 of a miss, and the weights of its second and third corner there. Möller and Trumbore 1997; from
+// either side.
+fn meets_triangle(ray: Ray, first: u32) -> vec3f {
     let corner = shapes[first].xyz;
     let p = shapes[first + 1u].xyz - corner;
     let q = shapes[first + 2u].xyz - corner;
@@ -221,5 +219,5 @@ fn meets_triangle(ray: Ray, first: u32) -> bool {
     let side = cross(offset, p);
     let v = scale * dot(ray.direction, side);
     let t = scale * dot(q, side);
-    return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < ray.most;
+    return select(vec3f(), vec3f(t, u, v), u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < ray.most);
 }

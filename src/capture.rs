@@ -17,7 +17,7 @@ use crate::quality::{self, Costs, Facts, Settings, TRIAL_LIGHTS};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{self, Lens, Scattering, Scene};
 use crate::srbf::{self, SrbfLight};
-use crate::stage::{Geometry, exposure_scale, load_map, shaded_lights};
+use crate::stage::{Geometry, exposure_scale, load_map, shaded_lights, sky_lights};
 use crate::stats::{
     Adapter, EnvironmentCounts, FitFigures, HairCounts, ImageFigures, Memory, Quality, Stats,
     Timing, TransportFigures, Work,
@@ -109,8 +109,11 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     }
     clock.step("visibility")?;
 
-    let lights =
-        Lights { lamps: stage.near_lamps(scene), distant: shaded_lights(&fit.lights, scene) };
+    let lights = Lights {
+        lamps: stage.near_lamps(scene),
+        distant: shaded_lights(&fit.lights, scene),
+        sky: sky_lights(&fit.lights, scene),
+    };
     renderer.negligible = settings.negligible;
     let medium = HairMedium::with_rays(&stage, parts.multiple(), &renderer);
     let lit = clock

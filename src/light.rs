@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use crate::field::{self, Field, Grid, Palette};
 use crate::gpu::frame::Renderer;
+use crate::gpu::gather::Gather;
 use crate::gpu::head_light::SeenHead;
 use crate::gpu::method::MethodData;
 use crate::head::HeadRays;
@@ -28,6 +29,9 @@ const HEAD_RAYS: f64 = 48.0;
 /// directions, so that their shadows are copies of each other and no noise.
 const WIDE_LAMBDA: f32 = 0.1;
 
+/// Paths that gather light between strands at a point, at 16 samples a pixel.
+const PATHS_PER_POINT: f64 = 16.0;
+
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
 
@@ -38,6 +42,8 @@ pub struct Lights {
     pub lamps: Vec<Lamp>,
     /// Of which the last are the ordinates (`stage::shaded_lights`).
     pub distant: Vec<SrbfLight>,
+    /// What the ordinates stand for (`stage::sky_lights`); empty where that is the ordinates themselves.
+    pub sky: Vec<SrbfLight>,
 }
 
 impl From<Vec<SrbfLight>> for Lights {
@@ -54,7 +60,7 @@ pub struct HairMedium {
     /// Made for the first lamp.
     head: OnceLock<Option<HeadRays>>,
     /// Made for the first points of a CPU's adapter.
-    rays: OnceLock<StrandRays>,
+    rays: OnceLock<Arc<StrandRays>>,
 }
 
 impl HairMedium {
@@ -72,7 +78,7 @@ impl HairMedium {
             return Self::new(stage, multiple);
         }
         let (medium, rays) = rayon::join(|| Self::new(stage, multiple), || StrandRays::new(stage));
-        HairMedium { rays: OnceLock::from(rays), ..medium }
+        HairMedium { rays: OnceLock::from(Arc::new(rays)), ..medium }
     }
 
     /// Brings lights to the inside of the hair and to the head; they are to be shown at the strand points `points`.
@@ -103,7 +109,7 @@ impl HairMedium {
         lights: impl Into<Lights>,
         progress: Progress,
     ) -> Result<()> {
-        let Lights { lamps, distant: lights } = lights.into();
+        let Lights { lamps, distant: lights, sky } = lights.into();
         let dark = |light: &SrbfLight| light.rgb == [0.0; 3];
         let lobe = |light: &SrbfLight| (light.direction, light.lambda, dark(light));
         let known_lamps = known(&lit.lamps, &lamps, |a, b| a.shape == b.shape);
@@ -123,7 +129,7 @@ impl HairMedium {
             lit.brought.push(brought);
             lit.rough.push(rough);
         }
-        (lit.lamps, lit.lights) = (lamps, lights);
+        (lit.lamps, lit.lights, lit.sky) = (lamps, lights, sky);
         Ok(())
     }
 
@@ -155,7 +161,12 @@ impl HairMedium {
 
     /// Strands and head for the rays of a renderer on a CPU's adapter, which the CPU itself traces faster.
     pub fn rays(&self, stage: &Geometry, renderer: &Renderer) -> Option<&StrandRays> {
-        renderer.traces_on_cpu().then(|| self.rays.get_or_init(|| StrandRays::new(stage)))
+        self.shared_rays(stage, renderer).map(|rays| &**rays)
+    }
+
+    fn shared_rays(&self, stage: &Geometry, renderer: &Renderer) -> Option<&Arc<StrandRays>> {
+        let rays = || self.rays.get_or_init(|| Arc::new(StrandRays::new(stage)));
+        renderer.traces_on_cpu().then(rays)
     }
 
     /// Finds [`LitHair::rough`] at `points`, the same at each call: for frames in a hurry.
@@ -218,6 +229,7 @@ pub struct LitHair {
     /// See [`Lights`].
     pub lamps: Vec<Lamp>,
     pub lights: Vec<SrbfLight>,
+    pub sky: Vec<SrbfLight>,
     /// Strand points that they are shown at.
     pub points: Vec<u32>,
     /// Of each lamp, then of each light.
@@ -358,11 +370,11 @@ impl LitHair {
         progress: Progress,
     ) -> Result<()> {
         self.set(renderer, method, rays);
+        self.set_between((stage, medium), renderer, field, rays);
         self.light_head((stage, medium), renderer, head)?;
         if !renderer.trace(stage, points, medium.rays(stage, renderer), progress)? {
             bail!("cancelled");
         }
-        Self::set_field(renderer, field);
         Ok(())
     }
 
@@ -373,8 +385,11 @@ impl LitHair {
         renderer: &mut Renderer,
         seen: Option<&SeenHead>,
     ) -> Result<()> {
-        let rays = self.head_rays(stage);
-        let rest = self.head_irradiance_of(|j| rays[j] == 0);
+        let mut rays = self.head_rays(stage);
+        // A gather looks for the ordinates itself.
+        let own = if renderer.gathers_now() { rays.len() - self.ordinates() } else { rays.len() };
+        rays[own..].fill(0);
+        let rest = self.head_irradiance_of(|j| j < own && rays[j] == 0);
         let host = medium.rays(stage, renderer);
         renderer.light_head(stage, &rest, &self.head_lights(stage, &rays), seen, host)
     }
@@ -393,9 +408,9 @@ impl LitHair {
         words: &[Vec<Words>],
     ) -> Result<()> {
         self.set(renderer, method, 1.0);
+        self.set_between(at, renderer, field, 1.0);
         self.light_head(at, renderer, head)?;
         renderer.upload(&self.points, words);
-        Self::set_field(renderer, field);
         Ok(())
     }
 
@@ -409,7 +424,8 @@ impl LitHair {
         renderer: &mut Renderer,
         points: &[u32],
     ) -> Result<()> {
-        renderer.set_lights(&self.lamps, &self.lights, 1.0);
+        renderer.set_gather(stage, None);
+        renderer.set_lights(&self.lamps, &self.lights, &self.sky, 1.0);
         renderer.light_head(stage, &self.head_irradiance(), &[], None, None)?;
         renderer.upload(points, &self.rough);
         Ok(())
@@ -417,13 +433,27 @@ impl LitHair {
 
     fn set(&self, renderer: &mut Renderer, method: &MethodData, rays: f64) {
         renderer.set_method(method);
-        renderer.set_lights(&self.lamps, &self.lights, rays);
+        renderer.set_lights(&self.lamps, &self.lights, &self.sky, rays);
     }
 
-    fn set_field(renderer: &mut Renderer, field: Option<&Field>) {
+    /// Light of the sky and between strands: gathered, with the field for what two strands or more have scattered.
+    fn set_between(
+        &self,
+        (stage, medium): (&Geometry, &HairMedium),
+        renderer: &mut Renderer,
+        field: Option<&Field>,
+        rays: f64,
+    ) {
         match field {
             Some(field) => renderer.set_field(field),
             None => renderer.clear_field(),
         }
+        if !renderer.gathers() || self.ordinates() == 0 {
+            return;
+        }
+        let paths = (PATHS_PER_POINT * rays).round().max(1.0) as u32;
+        let rays = medium.shared_rays(stage, renderer).cloned();
+        let gather = Gather::new(&renderer.gpu, paths, rays);
+        renderer.set_gather(stage, Some(gather));
     }
 }

@@ -18,7 +18,7 @@ use crate::lamp::Lamp;
 use crate::paint::{Channel, Fibres, Layer, Paint};
 use crate::progress::Clock;
 use crate::scene::{Camera, EnvironmentSpec, Lens, Reverse, Scene};
-use crate::srbf::{SrbfLight, split_wide};
+use crate::srbf::{SrbfLight, sky_of, split_wide};
 use crate::transport::volume::Volume;
 
 /// Automatic exposure brings the meter's reading here: a third of a stop above what a camera would, since hair is darker
@@ -392,6 +392,11 @@ pub fn place_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
 /// [`place_lights`] as frames shade them: suns first, then the fit's, wide ones split.
 pub fn shaded_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
     [suns(scene), split_wide(&place_lights(lights, scene))].concat()
+}
+
+/// Those of [`place_lights`] that [`shaded_lights`] shares out among ordinates.
+pub fn sky_lights(lights: &[SrbfLight], scene: &Scene) -> Vec<SrbfLight> {
+    sky_of(&place_lights(lights, scene))
 }
 
 /// The scene's suns, which are lights like the fit's.

@@ -101,7 +101,7 @@ fn drawn_directions_scatter_as_the_closed_form_does() {
 
 /// A draw as its weight, and its direction times that: a draw that carries no light has none.
 const DRAW: &str = "let by = factors(fibre, energy_compensation(fibre, x[0].x));
-    let d = draw(fibre, by, x[0].x, x[0].y, vec4f(x[0].zw, x[1].xy));
+    let d = draw(fibre, draw_shares(fibre, by, x[0].x), x[0].x, x[0].y, vec4f(x[0].zw, x[1].xy));
     y[0] = vec4f(d.weight, d.weight.x * d.theta_i);
     y[1] = d.weight.x * vec4f(cos(d.phi_i), sin(d.phi_i), 0.0, 0.0);";
 

@@ -447,7 +447,7 @@ impl View {
 }
 
 fn near(lamp: Lamp) -> Lights {
-    Lights { lamps: vec![lamp], distant: split_wide(&[]) }
+    Lights { lamps: vec![lamp], distant: split_wide(&[]), sky: Vec::new() }
 }
 
 /// A lamp as the one lobe that it is from the middle of the hair.

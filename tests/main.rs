@@ -16,6 +16,7 @@ mod fast;
 mod field;
 mod file_kind;
 mod frames;
+mod gather;
 mod groom;
 mod hair;
 mod hard_cases;

@@ -456,7 +456,7 @@ fn traced_by(
     };
     let mut renderer = Renderer::new(cpu(), &method, stage).unwrap();
     renderer.trace_on_device = device;
-    renderer.set_lights(&[], lights, times);
+    renderer.set_lights(&[], lights, &[], times);
     let points: Vec<u32> = (0..stage.hair.points.len() as u32).collect();
     let rays = StrandRays::new(stage);
     let host = (!device).then_some(&rays);

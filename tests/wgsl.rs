@@ -362,7 +362,8 @@ fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
 #[test]
 fn passes_are_valid_and_laid_out_as_in_rust() {
     use hairlight::gpu::uniforms::{
-        LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform,
+        CastUniform, FieldGrid, GatherSumUniform, GatherUniform, HeadPlace, LightEntry,
+        NEEDED_LIST, Path, ShadingUniform, ViewUniform,
     };
     use std::mem::{offset_of, size_of};
     for (name, source) in Shaders::default().passes() {
@@ -401,7 +402,12 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
     for method in [Integrator::Fast(Model::Marschner), Integrator::Xu] {
         validated(&Shaders::default().with_exact_single(&Shaders::default().shade(method)));
     }
-    same!(shade(), "Light", LightEntry, [direction, lambda, rgb, energy, least, side]);
+    same!(
+        shade(),
+        "Light",
+        LightEntry,
+        [direction, lambda, rgb, energy, least, side, chance, end, pad]
+    );
     same!(
         shade(),
         "Shading",
@@ -413,16 +419,42 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             lights,
             slots,
             first_ordinate,
-            field_origin,
-            field_cell,
-            field_dims,
-            field_scale,
+            grid,
             lamps,
             stride,
             last_column,
+            gathered
+        ]
+    );
+    same!(shade(), "FieldGrid", FieldGrid, [origin, cell, dims, scale]);
+    let gather = || Shaders::default().gather(Integrator::Fast(Model::Marschner));
+    same!(gather(), "Path", Path, [origin, most, direction, clear, weight, pad, own, draw]);
+    same!(gather(), "HeadPlace", HeadPlace, [position, seed, normal, pad]);
+    same!(
+        gather(),
+        "Gather",
+        GatherUniform,
+        [
+            eye,
+            paths,
+            grid,
+            first,
+            count,
+            lights,
+            lamps,
+            first_ordinate,
+            ordinates,
+            ordinate_share,
+            parts,
+            sky,
+            event,
+            strands,
             pad
         ]
     );
+    same!(Shaders::default().cast(), "Cast", CastUniform, [count, pad, head]);
+    let sums = Shaders::default().gather_sum();
+    same!(sums, "GatherSum", GatherSumUniform, [first, count, paths, pad]);
     let trace = || Shaders::default().transmittance();
     use hairlight::transport::draws::{Block, HeadLight, HeadVertex, TracedLight};
     let of_head = || Shaders::default().head_light();
@@ -438,7 +470,6 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
     for (shader, name) in [(Shaders::default().mark(), "Needed"), (shade(), "NeededPoints")] {
         let (members, _) = layout(&validated(&shader), name);
         let offset = |field: &str| members.iter().find(|m| m.0 == field).map(|m| m.1 as u64);
-        assert_eq!(offset("dispatch"), Some(NEEDED_DISPATCH), "{name}");
         assert_eq!(offset("points"), Some(NEEDED_LIST), "{name}");
     }
 }

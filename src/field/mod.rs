@@ -69,6 +69,8 @@ pub struct Field {
     /// Mean of L in each cell, RGB, ordinate by ordinate; a fourth number is the cell's weight among its
     /// neighbours.
     pub radiance: Vec<(Vec3A, f32)>,
+    /// Radiance over what [`Self::radiance`] has along the ordinate that is nearest, so that lobes which overlap add up.
+    pub overlap: f32,
     /// Rounds of sweeps that it took.
     pub rounds: usize,
 }

@@ -150,6 +150,7 @@ pub fn solve(
         cell: grid.volume.cell,
         dims: grid.volume.dims,
         radiance: radiance.collect(),
+        overlap: share.recip(),
         rounds,
     })
 }

@@ -4,18 +4,20 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
+use bytemuck::Zeroable as _;
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use wgpu::util::DeviceExt as _;
 
 use super::Gpu;
+use super::gather::{Gather, GatherPipelines, GatherScene};
 use super::head_light::{HeadRayCaster, HeadSurface, SeenHead};
 use super::method::{Integrator, MethodData};
 use super::resources::*;
 use super::shaders::Shaders;
 use super::timer::PassTimer;
 use super::transmittance::{PointTransmittance, Table, known_table};
-use super::uniforms::{LightEntry, NEEDED_DISPATCH, NEEDED_LIST, ShadingUniform, ViewUniform};
+use super::uniforms::{FieldGrid, LightEntry, NEEDED_LIST, ShadingUniform, ViewUniform};
 use crate::environment::Environment;
 use crate::field::Field;
 use crate::hair::normals;
@@ -99,6 +101,20 @@ pub struct Frame {
     pub passes: BTreeMap<&'static str, f64>,
 }
 
+impl Frame {
+    /// Adds the next band.
+    fn add_below(&mut self, band: Frame) {
+        self.pixels.extend(band.pixels);
+        self.hair_coverage.extend(band.hair_coverage);
+        self.shaded.extend(band.shaded);
+        self.shaded.sort_unstable();
+        self.shaded.dedup();
+        for (name, ms) in band.passes {
+            *self.passes.entry(name).or_default() += ms;
+        }
+    }
+}
+
 /// What a camera sees. Frames of it in other light and with other fibres rasterise nothing.
 pub struct Sight {
     lens: Lens,
@@ -125,20 +141,6 @@ const BAND_PIXELS: u32 = 8 << 20;
 /// Points that are shaded between two looks at whether to go on: 0.1 s on two cores.
 const POINTS_A_LOOK: u32 = 4096;
 
-/// Of a field's texture, relative to the hair's centre.
-#[derive(Clone, Copy, Debug)]
-struct FieldPlace {
-    origin: Vec3,
-    cell: f32,
-    dims: Vec3,
-    /// What RGB is to be multiplied by.
-    scale: f32,
-}
-
-/// Where there is none.
-const NO_FIELD: FieldPlace =
-    FieldPlace { origin: Vec3::ZERO, cell: 1.0, dims: Vec3::ONE, scale: 0.0 };
-
 /// Place, diameter, tangent and the angle of the cross section's axis at each point, as shaders/view.wgsl has them.
 fn strand_points(device: &wgpu::Device, stage: &Geometry) -> wgpu::Buffer {
     let Geometry { hair, diameters, frames, center, .. } = stage;
@@ -157,8 +159,6 @@ struct Fixed {
     hair: wgpu::RenderPipeline,
     head: wgpu::RenderPipeline,
     mark: wgpu::ComputePipeline,
-    plan: wgpu::ComputePipeline,
-    end: wgpu::ComputePipeline,
     resolve: wgpu::ComputePipeline,
     backdrop: wgpu::ComputePipeline,
 }
@@ -173,8 +173,6 @@ impl Fixed {
             hair: raster_pipeline(device, &raster, "hair"),
             head: raster_pipeline(device, &raster, "head"),
             mark: compute_pipeline(device, &mark, "mark", &[]),
-            plan: compute_pipeline(device, &mark, "plan_shading", &[]),
-            end: compute_pipeline(device, &mark, "end_shading", &[]),
             resolve: compute_pipeline(device, &resolve, "resolve", &with_head),
             backdrop: compute_pipeline(device, &resolve, "backdrop", &[]),
         }
@@ -209,10 +207,19 @@ pub struct Renderer {
     /// T̃ that is known, in place of what is traced.
     known: Option<Table>,
     light_count: u32,
+    /// What comes after them.
+    sky_count: u32,
     /// Of which the first are lamps.
     lamp_count: u32,
     /// Where light is, that other strands have scattered.
-    field: Option<FieldPlace>,
+    field: Option<FieldGrid>,
+    /// Radiance over what the field has along the nearest ordinate.
+    field_overlap: f32,
+    /// How light between strands is found at points; None where the field alone has it.
+    gather: Option<Gather>,
+    gather_pipelines: Option<GatherPipelines>,
+    /// First and last point of each point's strand.
+    strand_ends: wgpu::Buffer,
     field_texture: wgpu::TextureView,
     field_sampler: wgpu::Sampler,
     /// `Fibres::points` of the method.
@@ -250,6 +257,12 @@ impl Renderer {
         let strand_of = strands
             .flat_map(|(strand, points)| std::iter::repeat_n(strand, points.len()))
             .collect();
+        let ends: Vec<[u32; 2]> = (hair.strands())
+            .flat_map(|points| {
+                let own = [points.start as u32, (points.end.max(points.start + 1) - 1) as u32];
+                std::iter::repeat_n(own, points.len())
+            })
+            .collect();
         let device = &gpu.device;
         let strand_points = strand_points(device, stage);
         let head = HeadSurface::new(device, stage);
@@ -272,8 +285,13 @@ impl Renderer {
             traced: PointTransmittance::new(&gpu, stage),
             known: None,
             light_count: 0,
+            sky_count: 0,
             lamp_count: 0,
             field: None,
+            field_overlap: 0.0,
+            gather: None,
+            gather_pipelines: None,
+            strand_ends: storage(device, "strand ends", bytemuck::cast_slice(&ends)),
             field_texture: volume_texture(&gpu, "field", [1; 3], &[Default::default()]),
             field_sampler: linear_sampler(device),
             painted: point_texture(&gpu, method.fibres.points()),
@@ -320,6 +338,7 @@ impl Renderer {
         }
         self.fixed = fixed;
         self.traced.forget_pipelines();
+        self.gather_pipelines = None;
         self.head.forget_pipeline();
         Ok(())
     }
@@ -375,15 +394,34 @@ impl Renderer {
         samples: u32,
     ) -> Result<(Work, Sampling, PassTimer)> {
         self.draw_segments(pieces, self.every_segment.clone());
+        self.find_all(lenses, samples)
+    }
+
+    /// What is seen of the segments that are drawn, by lenses of one size.
+    fn find_all(&mut self, lenses: &[Lens], samples: u32) -> Result<(Work, Sampling, PassTimer)> {
         let size = lenses.first().map_or([1; 2], |lens| lens.size);
         let (work, sampling) = self.begin(size, samples)?;
-        let mark = self.mark_groups(&work);
+        let mark = self.bind_at(
+            &self.fixed.mark,
+            &[
+                texture(0, &work.visibility),
+                buffer(1, &work.marks),
+                buffer(2, &work.needed),
+                buffer(3, &work.head_seen),
+            ],
+        );
         let mut timer = PassTimer::new(&self.gpu);
         for lens in lenses.iter().flat_map(bands) {
             for pass in 0..sampling.passes {
                 let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
                 let view = self.view(&lens, Background::Transparent, sampling, pass);
-                self.find(&mut encoder, &mut timer, &work, &mark, &view);
+                self.raster(&mut encoder, timer.render("raster"), &work, &view);
+                let mut compute = begin(&mut encoder, "mark", timer.compute("mark"));
+                compute.set_pipeline(&self.fixed.mark);
+                compute.set_bind_group(0, &mark, &[]);
+                let [across, down] = work.texels.map(|side| side.div_ceil(8));
+                compute.dispatch_workgroups(across, down, 1);
+                drop(compute);
                 self.gpu.queue.submit([encoder.finish()]);
             }
         }
@@ -400,7 +438,13 @@ impl Renderer {
             bands(lens).count() == 1,
             "a view of {width}x{height} pixels is more than {BAND_PIXELS}: choose a smaller one"
         );
-        let (work, sampling, timer) = self.look_through(&[*lens], pieces, samples)?;
+        self.draw_segments(pieces, self.every_segment.clone());
+        self.sight(lens, samples)
+    }
+
+    /// What is seen of the segments that are drawn, by a lens of one band.
+    fn sight(&mut self, lens: &Lens, samples: u32) -> Result<Sight> {
+        let (work, sampling, timer) = self.find_all(&[*lens], samples)?;
         let points = work.listed(&self.gpu)?;
         let head = work.head(&self.gpu, &[*lens], sampling)?;
         let passes = timer.read(&self.gpu)?;
@@ -418,23 +462,13 @@ impl Renderer {
     ) -> Result<Option<Frame>> {
         let Sight { lens, sampling, work, points, passes, .. } = sight;
         self.make_ribbons();
-        let shading = self.shading(parts, false);
-        let shade = self.shading_groups(&self.shading[shading], lens, parts, work);
         let mut timer = PassTimer::new(&self.gpu);
         let begun = Instant::now();
-        let count = points.len() as u32;
-        for first in (0..count).step_by(POINTS_A_LOOK as usize) {
-            if !go_on() {
-                return Ok(None);
-            }
-            let end = count.min(first + POINTS_A_LOOK);
-            // `count` and `shaded` of shaders/mark.wgsl.
-            self.gpu.queue.write_buffer(&work.needed, 0, bytemuck::cast_slice(&[end, first]));
-            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            let dispatch = Dispatch::Points(end - first);
-            self.shading[shading].run(&mut encoder, &mut timer, &shade, work, dispatch);
-            self.gpu.queue.submit([encoder.finish()]);
-            self.gpu.wait()?;
+        let Some(gathered) = self.gather(sight, parts, go_on)? else { return Ok(None) };
+        let gather_ms = 1e3 * begun.elapsed().as_secs_f64();
+        let begun = Instant::now();
+        if !self.shade(sight, (parts, false, gathered), &mut timer, go_on)? {
+            return Ok(None);
         }
         let shade_ms = 1e3 * begun.elapsed().as_secs_f64();
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
@@ -461,16 +495,101 @@ impl Renderer {
         // Each submission was waited for; of those without a raster pass lavapipe's timestamps tell nothing.
         if let Some(shade) = all.get_mut("shade") {
             *shade = shade_ms;
+            if gathered {
+                all.insert("gather", gather_ms);
+            }
         }
         let shaded = points.clone();
         Ok(Some(Frame { size: lens.size, pixels, hair_coverage, shaded, passes: all }))
+    }
+
+    /// Gathers light between strands at the points of a sight, where that is asked for; whether it was. None where `go_on`
+    /// said no.
+    fn gather(
+        &mut self,
+        sight: &Sight,
+        parts: Parts,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Option<bool>> {
+        let mut pipelines = self.gather_pipelines.take();
+        let Some(gather) = self.gather.as_ref() else { return Ok(Some(false)) };
+        let scene = self.gather_scene(parts);
+        let at = (sight.lens.eye.as_vec3(), &sight.points[..]);
+        let radiance = &sight.work.radiance;
+        let done = gather.at_points(&scene, &mut pipelines, at, radiance, go_on);
+        self.gather_pipelines = pipelines;
+        Ok(done?.then_some(true))
+    }
+
+    fn gather_scene(&self, parts: Parts) -> GatherScene<'_> {
+        GatherScene {
+            gpu: &self.gpu,
+            method: &self.method,
+            traced: &self.traced,
+            strand_points: &self.strand_points,
+            strand_ends: &self.strand_ends,
+            strand_of: &self.strand_of,
+            lights: &self.lights,
+            light_count: self.light_count,
+            sky_count: self.sky_count,
+            lamp_count: self.lamp_count,
+            painted: &self.painted,
+            parts: parts.bits(),
+            field: (
+                &self.field_texture,
+                &self.field_sampler,
+                self.field.map(|grid| (grid, self.field_overlap)),
+            ),
+        }
+    }
+
+    /// Shades the points of a sight; false where `go_on` said no. `count`: counts in place of radiance. `gathered`: light
+    /// between strands is there.
+    fn shade(
+        &mut self,
+        sight: &Sight,
+        (parts, count, gathered): (Parts, bool, bool),
+        timer: &mut PassTimer,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<bool> {
+        let Sight { lens, work, points, .. } = sight;
+        let shading = self.shading(parts, count);
+        let shading = &self.shading[shading];
+        let groups = self.shading_groups(shading, lens, (parts, gathered), work);
+        let all = points.len() as u32;
+        for first in (0..all).step_by(POINTS_A_LOOK as usize) {
+            if !go_on() {
+                return Ok(false);
+            }
+            let end = all.min(first + POINTS_A_LOOK);
+            // `count` and `shaded` of shaders/mark.wgsl.
+            self.gpu.queue.write_buffer(&work.needed, 0, bytemuck::cast_slice(&[end, first]));
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            let mut compute = begin(&mut encoder, "shade", timer.compute("shade"));
+            compute.set_pipeline(&shading.pipeline);
+            compute.set_bind_group(0, &shading.scattering, &[]);
+            for group in &groups {
+                compute.set_bind_group(1, group, &[]);
+                compute.dispatch_workgroups((end - first).div_ceil(64), 1, 1);
+            }
+            drop(compute);
+            self.gpu.queue.submit([encoder.finish()]);
+            self.gpu.wait()?;
+        }
+        Ok(true)
     }
 
     /// Sets lamps and lights (world frame, exposure included); their T̃ is to follow, by [`Self::trace`] or
     /// [`Self::upload`]. `rays`: times as many as at 16 samples.
     ///
     /// Comes after [`Self::set_method`], which says how many lights a pass may sum, and before [`Self::set_field`].
-    pub fn set_lights(&mut self, lamps: &[Lamp], lights: &[SrbfLight], rays: f64) {
+    pub fn set_lights(
+        &mut self,
+        lamps: &[Lamp],
+        lights: &[SrbfLight],
+        sky: &[SrbfLight],
+        rays: f64,
+    ) {
         let power = |light: &SrbfLight| light.energy().iter().sum::<f64>();
         let middle = self.center.as_dvec3();
         let powers = lamps.iter().map(|lamp| power(&lamp.lobe(middle)));
@@ -488,6 +607,7 @@ impl Renderer {
                 energy: 1.0,
                 least: least(1.0) as f32,
                 side: side.as_vec3().to_array(),
+                ..LightEntry::zeroed()
             })
         });
         let of_lights = lights.iter().map(|light| LightEntry {
@@ -496,11 +616,29 @@ impl Renderer {
             rgb: Vec3::from(light.rgb.map(|c| c as f32)),
             energy: lobe_integral(light.lambda) as f32,
             least: least(lobe_integral(light.lambda)) as f32,
-            side: [0.0; 3],
+            ..LightEntry::zeroed()
         });
-        let entries: Vec<LightEntry> = of_lamps.chain(of_lights).collect();
-        self.lights = storage(&self.gpu.device, "lights", bytemuck::cast_slice(&entries));
+        let mut entries: Vec<LightEntry> = of_lamps.chain(of_lights).collect();
         self.light_count = entries.len() as u32;
+        let whole = powers.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let mut end = 0.0;
+        for (entry, power) in entries.iter_mut().zip(&powers) {
+            end += power / whole;
+            (entry.chance, entry.end) = ((power / whole) as f32, end as f32);
+        }
+        // Those of the sky come last, for a gather alone.
+        let sky = match (sky, lights.len().checked_sub(ORDINATES)) {
+            ([], Some(first)) => &lights[first..],
+            (sky, _) => sky,
+        };
+        entries.extend(sky.iter().map(|light| LightEntry {
+            direction: light.direction.as_vec3(),
+            lambda: light.lambda as f32,
+            rgb: Vec3::from(light.rgb.map(|c| c as f32)),
+            ..LightEntry::zeroed()
+        }));
+        self.sky_count = sky.len() as u32;
+        self.lights = storage(&self.gpu.device, "lights", bytemuck::cast_slice(&entries));
         let had_lamps = self.lamp_count > 0;
         self.lamp_count = lamps.len() as u32;
         if had_lamps == lamps.is_empty() {
@@ -529,7 +667,9 @@ impl Renderer {
         }
         let (lamps, lights, shares) = &self.to_trace;
         let counts = self.method.counts_strands();
-        self.traced.set_lights((lamps, lights), shares, counts, self.center);
+        // A gather looks for the ordinates itself.
+        let direct = &lights[..self.direct_lights() as usize - lamps.len()];
+        self.traced.set_lights((lamps, direct), shares, counts, self.center);
         let done = self.foresee(stage, points, rays, progress)?;
         self.draw_known();
         Ok(done)
@@ -556,7 +696,8 @@ impl Renderer {
         points.iter().filter(|&&point| !self.traced.table.has(point as usize)).count()
     }
 
-    /// Adds `times` as many rays to `points`, which are traced; see [`Self::trace`].
+    /// Adds `times` as many rays to `points`, which are traced with as many, see [`Self::trace`]; paths that are gathered grow
+    /// with them.
     ///
     /// # Errors
     /// The device was lost.
@@ -569,12 +710,17 @@ impl Renderer {
         progress: &(dyn Fn(f32) -> bool + Sync),
     ) -> Result<bool> {
         let host = rays.map(|rays| (stage, rays));
-        let Renderer { gpu, strand_points, traced, .. } = self;
-        traced.add_rays(gpu, strand_points, points, times, host, progress)
+        let Renderer { gpu, strand_points, traced, gather, .. } = self;
+        let done = traced.add_rays(gpu, strand_points, points, times, host, progress)?;
+        if let Some(gather) = gather.as_mut().filter(|_| done) {
+            gather.multiply(2 * times);
+        }
+        Ok(done)
     }
 
     /// Sets T̃ that is known at `points`: `words[j][k]` is light j, lamps first, at `points[k]`.
     pub fn upload(&mut self, points: &[u32], words: &[Vec<Words>]) {
+        let words = &words[..self.direct_lights() as usize];
         let pair = if self.method.counts_strands() { 2 } else { 1 };
         self.known = Some(known_table(&self.gpu, points, words, pair, self.points as usize));
         self.draw_known();
@@ -593,6 +739,12 @@ impl Renderer {
         self.traced.rays
     }
 
+    /// Lights, lamps first, whose T̃ points have.
+    fn direct_lights(&self) -> u32 {
+        let ordinates = if self.gather.is_some() { ORDINATES as u32 } else { 0 };
+        self.light_count - ordinates
+    }
+
     fn table(&self) -> &Table {
         self.known.as_ref().unwrap_or(&self.traced.table)
     }
@@ -608,6 +760,26 @@ impl Renderer {
     /// From now on no strand is lit by another.
     pub fn clear_field(&mut self) {
         self.field = None;
+        self.gather = None;
+    }
+
+    /// Whether the method can gather light.
+    pub fn gathers(&self) -> bool {
+        self.method.twin.is_some()
+    }
+
+    /// Whether light is gathered.
+    pub fn gathers_now(&self) -> bool {
+        self.gather.is_some()
+    }
+
+    /// From now on light of the sky and between strands is gathered, or the field has it alone. Without rays of the CPU `stage` is brought
+    /// to the device.
+    pub fn set_gather(&mut self, stage: &Geometry, gather: Option<Gather>) {
+        if gather.as_ref().is_some_and(Gather::casts_on_device) {
+            self.traced.prepare(&self.gpu, stage);
+        }
+        self.gather = gather;
     }
 
     /// Sets what other strands have scattered of the lights that are set, of which the last are the ordinates.
@@ -615,7 +787,8 @@ impl Renderer {
         let (texels, scale) = field.to_gpu();
         let [nx, ny, nz] = field.dims;
         self.field_texture = volume_texture(&self.gpu, "field", [nx, ny, nz * ORDINATES], &texels);
-        self.field = Some(FieldPlace {
+        self.field_overlap = field.overlap;
+        self.field = Some(FieldGrid {
             origin: field.origin - self.center,
             cell: field.cell,
             dims: Vec3::new(nx as f32, ny as f32, nz as f32),
@@ -688,8 +861,28 @@ impl Renderer {
         seen: Option<&SeenHead>,
         rays: Option<&StrandRays>,
     ) -> Result<()> {
+        if rays.is_none() {
+            self.traced.prepare(&self.gpu, stage);
+        }
+        let Renderer { gpu, traced, head, .. } = &mut *self;
+        let mut caster = HeadRayCaster { gpu, stage, traced, host: rays, lights };
+        let mut light = head.at_vertices(irradiance, &mut caster)?;
+        if let Some(mut gather) = self.gather.take() {
+            gather.set_head(&self.gpu, stage, &light.irradiance(lights));
+            let multiple = self.field.is_some();
+            let parts = Parts { single: true, global: multiple, local: multiple };
+            let mut pipelines = self.gather_pipelines.take();
+            let places = self.head.places(stage);
+            let gathered = gather.at_head(&self.gather_scene(parts), &mut pipelines, &places);
+            self.gather_pipelines = pipelines;
+            let (_, distant, _) = &self.to_trace;
+            let sky = &distant[distant.len().saturating_sub(ORDINATES)..];
+            self.head.add_gathered(&mut light, &gathered?, sky);
+            gather.set_head(&self.gpu, stage, &light.irradiance(lights));
+            self.gather = Some(gather);
+        }
         let Renderer { gpu, traced, head, .. } = self;
-        head.light(irradiance, seen, HeadRayCaster { gpu, stage, traced, host: rays, lights })
+        head.show(&light, seen, HeadRayCaster { gpu, stage, traced, host: rays, lights })
     }
 
     /// Sets the map behind the hair: turned by `rotation_rad` about +y, multiplied by `scale`.
@@ -708,7 +901,8 @@ impl Renderer {
         self.environment_rotation_rad = rotation_rad;
     }
 
-    /// Renders a frame with at least `samples` samples a pixel (a multiple of four is taken).
+    /// Renders a frame with at least `samples` samples a pixel (a multiple of four is taken), in bands of at most
+    /// [`BAND_PIXELS`].
     pub fn render(
         &mut self,
         lens: &Lens,
@@ -716,46 +910,18 @@ impl Renderer {
         background: Background,
         parts: Parts,
     ) -> Result<Frame> {
-        let size = lens.size;
-        let (work, sampling) = self.begin(size, samples)?;
-        let mark = self.mark_groups(&work);
-        let end = self.bind_at(&self.fixed.end, &[buffer(2, &work.needed)]);
-        let shading = self.shading(parts, false);
-        let shade = self.shading_groups(&self.shading[shading], lens, parts, &work);
-        let mut timer = PassTimer::new(&self.gpu);
-        let (mut pixels, mut hair_coverage) = (Vec::new(), Vec::new());
+        let mut whole: Option<Frame> = None;
         for band in bands(lens) {
-            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            encoder.clear_buffer(&work.sum, 0, None);
-            encoder.clear_buffer(&work.hair_sum, 0, None);
-            for pass in 0..sampling.passes {
-                let view = self.view(&band, background, sampling, pass);
-                self.find(&mut encoder, &mut timer, &work, &mark, &view);
-                let points = Dispatch::Planned;
-                self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, points);
-                self.end_shading(&mut encoder, &end);
-                self.resolve(&mut encoder, &mut timer, &work, &view);
-                if pass + 1 == sampling.passes {
-                    self.backdrop(&mut encoder, &mut timer, &work, &view);
-                }
-                self.gpu.queue.submit([encoder.finish()]);
-                encoder = self.gpu.device.create_command_encoder(&Default::default());
+            let sight = self.sight(&band, samples)?;
+            let Some(frame) = self.render_seen(&sight, background, parts, &|| true)? else {
+                bail!("cancelled");
+            };
+            match &mut whole {
+                None => whole = Some(Frame { size: lens.size, ..frame }),
+                Some(whole) => whole.add_below(frame),
             }
-            let there = band.size.iter().product::<u32>() as usize;
-            pixels.extend_from_slice(&self.gpu.read(&work.sum)?[..there]);
-            hair_coverage.extend_from_slice(&self.gpu.read(&work.hair_sum)?[..there]);
         }
-        let shaded = work.listed(&self.gpu)?;
-        let passes = timer.read(&self.gpu)?;
-        Ok(Frame { size, pixels, hair_coverage, shaded, passes })
-    }
-
-    /// Notes that the points listed so far are shaded.
-    fn end_shading(&self, encoder: &mut wgpu::CommandEncoder, end: &wgpu::BindGroup) {
-        let mut compute = begin(encoder, "end", None);
-        compute.set_pipeline(&self.fixed.end);
-        compute.set_bind_group(0, end, &[]);
-        compute.dispatch_workgroups(1, 1, 1);
+        whole.context("a frame has no pixels")
     }
 
     /// Adds a pass's share of each pixel.
@@ -814,27 +980,27 @@ impl Renderer {
 
     /// Shades a frame once more to count what that takes; see [`Self::render`].
     pub fn count(&mut self, lens: &Lens, samples: u32, parts: Parts) -> Result<Done> {
-        let (work, sampling) = self.begin(lens.size, samples)?;
-        let mark = self.mark_groups(&work);
-        let end = self.bind_at(&self.fixed.end, &[buffer(2, &work.needed)]);
-        let shading = self.shading(parts, true);
-        let shade = self.shading_groups(&self.shading[shading], lens, parts, &work);
-        let mut timer = PassTimer::new(&self.gpu);
-        let passes =
-            bands(lens).flat_map(|band| (0..sampling.passes).map(move |pass| (band, pass)));
-        for (band, pass) in passes {
-            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            let view = self.view(&band, Background::Transparent, sampling, pass);
-            self.find(&mut encoder, &mut timer, &work, &mark, &view);
-            self.shading[shading].run(&mut encoder, &mut timer, &shade, &work, Dispatch::Planned);
-            self.end_shading(&mut encoder, &end);
-            self.gpu.queue.submit([encoder.finish()]);
+        let mut done = Done::default();
+        let gathered = self.gather.is_some();
+        for band in bands(lens) {
+            let sight = self.sight(&band, samples)?;
+            let mut timer = PassTimer::new(&self.gpu);
+            self.gpu.queue.submit([{
+                let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+                encoder.clear_buffer(&sight.work.radiance, 0, None);
+                encoder.finish()
+            }]);
+            self.shade(&sight, (parts, true, gathered), &mut timer, &|| true)?;
+            let counts: Vec<[f32; 4]> = self.gpu.read(&sight.work.radiance)?;
+            let sum =
+                |k: usize| sight.points.iter().map(|&i| counts[i as usize][k] as u64).sum::<u64>();
+            done.points += sight.points.len() as u64;
+            done.pairs += sum(0);
+            done.single += sum(1);
+            done.global += sum(2);
+            done.lobes += sum(3);
         }
-        let points = work.listed(&self.gpu)?;
-        let counts: Vec<[f32; 4]> = self.gpu.read(&work.radiance)?;
-        let sum = |k: usize| points.iter().map(|&i| counts[i as usize][k] as u64).sum();
-        let (pairs, single, global, lobes) = (sum(0), sum(1), sum(2), sum(3));
-        Ok(Done { points: points.len() as u64, pairs, single, global, lobes })
+        Ok(done)
     }
 
     /// Bytes of what shading reads: tables, lights, the field, T̃ of its points, and the points.
@@ -868,38 +1034,6 @@ impl Renderer {
         Ok((Work::new(&self.gpu.device, counts, size, sampling.grid), sampling))
     }
 
-    /// Rasterises a pass and lists the points that it needs.
-    fn find(
-        &mut self,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut PassTimer,
-        work: &Work,
-        [mark, plan]: &[wgpu::BindGroup; 2],
-        view: &PassView,
-    ) {
-        self.raster(encoder, timer.render("raster"), work, view);
-        let mut compute = begin(encoder, "mark", timer.compute("mark"));
-        compute.set_pipeline(&self.fixed.mark);
-        compute.set_bind_group(0, mark, &[]);
-        compute.dispatch_workgroups(work.texels[0].div_ceil(8), work.texels[1].div_ceil(8), 1);
-        compute.set_pipeline(&self.fixed.plan);
-        compute.set_bind_group(0, plan, &[]);
-        compute.dispatch_workgroups(1, 1, 1);
-    }
-
-    fn mark_groups(&self, work: &Work) -> [wgpu::BindGroup; 2] {
-        let mark = [
-            texture(0, &work.visibility),
-            buffer(1, &work.marks),
-            buffer(2, &work.needed),
-            buffer(3, &work.head_seen),
-        ];
-        [
-            self.bind_at(&self.fixed.mark, &mark),
-            self.bind_at(&self.fixed.plan, &[buffer(2, &work.needed)]),
-        ]
-    }
-
     fn bind_at(
         &self,
         pipeline: &wgpu::ComputePipeline,
@@ -916,18 +1050,17 @@ impl Renderer {
         &self,
         shading: &Shading,
         lens: &Lens,
-        parts: Parts,
+        (parts, gathered): (Parts, bool),
         work: &Work,
     ) -> Vec<wgpu::BindGroup> {
         let device = &self.gpu.device;
         let layout = shading.pipeline.get_bind_group_layout(1);
-        let field = self.field.unwrap_or(NO_FIELD);
         let table = self.table();
         // Groups hold lights from the last to the first.
         let a_pass = self.method.lights_a_pass() as u32;
         let passes = table.groups.iter().rev().flat_map(|group| {
-            let last_column = self.light_count.saturating_sub(1 + group.first);
-            let end = self.light_count.saturating_sub(group.first);
+            let last_column = self.direct_lights().saturating_sub(1 + group.first);
+            let end = self.direct_lights().saturating_sub(group.first);
             let first = end.saturating_sub(group.count);
             (first..end)
                 .step_by(a_pass as usize)
@@ -942,17 +1075,14 @@ impl Renderer {
                     lights,
                     slots: table.count,
                     first_ordinate: match self.field {
-                        Some(_) => self.light_count - ORDINATES as u32,
-                        None => u32::MAX,
+                        Some(_) if !gathered => self.light_count - ORDINATES as u32,
+                        _ => u32::MAX,
                     },
-                    field_origin: field.origin,
-                    field_cell: field.cell,
-                    field_dims: field.dims,
-                    field_scale: field.scale,
+                    grid: self.field.unwrap_or(FieldGrid::NONE),
                     lamps: self.lamp_count,
                     stride: table.pair * group.count,
                     last_column,
-                    pad: 0,
+                    gathered: u32::from(gathered),
                 };
                 let uniform = uniform_buffer(device, "shading", bytemuck::bytes_of(&uniform));
                 let buffers = [
@@ -1180,7 +1310,6 @@ impl Work {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let (nothing, read) = (wgpu::BufferUsages::empty(), wgpu::BufferUsages::COPY_SRC);
         let again = read | wgpu::BufferUsages::COPY_DST;
-        let listed = again | wgpu::BufferUsages::INDIRECT;
         Work {
             size,
             texels,
@@ -1188,8 +1317,8 @@ impl Work {
             depth: target("depth", DEPTH, wgpu::TextureUsages::empty()),
             marks: zeros("marks", 4 * points, nothing),
             head_seen: zeros("head seen", 4 * triangles, read),
-            needed: zeros("needed", NEEDED_LIST + 4 * points, listed),
-            radiance: zeros("radiance", 16 * points, read),
+            needed: zeros("needed", NEEDED_LIST + 4 * points, again),
+            radiance: zeros("radiance", 16 * points, again),
             sum: zeros("sum", 16 * pixels, again),
             hair_sum: zeros("hair sum", 4 * pixels, again),
         }
@@ -1240,39 +1369,6 @@ fn jitter(pass: u32, sampling: Sampling) -> Vec2 {
     let n = f64::from(pass) + 0.5;
     let at = |a: f64| ((n * a).fract() - 0.5) as f32 / sampling.grid as f32;
     Vec2::new(at(0.754_877_666_246_693), at(0.569_840_290_998_053))
-}
-
-/// Points that a shading pass is for.
-#[derive(Clone, Copy)]
-enum Dispatch {
-    /// Those that were found since the last pass.
-    Planned,
-    /// So many of those that are listed, at most [`POINTS_A_LOOK`].
-    Points(u32),
-}
-
-impl Shading {
-    fn run(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut PassTimer,
-        groups: &[wgpu::BindGroup],
-        work: &Work,
-        dispatch: Dispatch,
-    ) {
-        let mut compute = begin(encoder, "shade", timer.compute("shade"));
-        compute.set_pipeline(&self.pipeline);
-        compute.set_bind_group(0, &self.scattering, &[]);
-        for group in groups {
-            compute.set_bind_group(1, group, &[]);
-            match dispatch {
-                Dispatch::Planned => {
-                    compute.dispatch_workgroups_indirect(&work.needed, NEEDED_DISPATCH);
-                }
-                Dispatch::Points(count) => compute.dispatch_workgroups(count.div_ceil(64), 1, 1),
-            }
-        }
-    }
 }
 
 fn environment_texture(

@@ -7,9 +7,10 @@ use rayon::prelude::*;
 use super::Gpu;
 use super::resources::*;
 use super::transmittance::PointTransmittance;
-use super::uniforms::LightingHead;
+use super::uniforms::{HeadPlace, LightingHead};
 use crate::head::{Detail, DetailPoint, FineHead, Head, SurfacePlace};
 use crate::reference::transmittance::StrandRays;
+use crate::srbf::SrbfLight;
 use crate::stage::Geometry;
 use crate::transport::draws::{self, HeadLight, HeadVertex, TracedLight};
 
@@ -27,6 +28,17 @@ const DETAIL_LAMBDA: f32 = 0.03;
 const DETAIL_RAYS: [f32; 2] = [2.0, 10.0];
 /// Points along an edge between vertices, at most.
 const MOST_ACROSS: f32 = 8.0;
+
+/// Rounds in which what is gathered is evened out from neighbour to neighbour.
+const GATHER_SOFTENINGS: usize = 2;
+
+/// Light at the vertices of the head that is drawn.
+pub(super) struct VertexLight {
+    /// What is known whole: irradiance, linear RGB.
+    known: Vec<Vec3>,
+    /// What each of the caster's lights of radiance 1 brings, vertex by vertex.
+    of_lights: Vec<f32>,
+}
 
 /// What cameras see of the head.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -57,7 +69,7 @@ pub(super) struct HeadRayCaster<'a> {
     pub gpu: &'a Gpu,
     pub stage: &'a Geometry,
     /// What the device meets.
-    pub traced: &'a mut PointTransmittance,
+    pub traced: &'a PointTransmittance,
     /// What traces in the device's place.
     pub host: Option<&'a StrandRays>,
     /// [`HEAD_LIGHTS`](crate::transport::draws::HEAD_LIGHTS) at most.
@@ -94,31 +106,83 @@ impl HeadSurface {
         self.pipeline = None;
     }
 
-    /// Sets the irradiance of the vertices of the stage's head, and adds that of the caster's lights at what is seen, or
-    /// at all vertices.
+    /// What the caster's lights bring to the vertices beside `irradiance`, that of the stage's head's.
     ///
     /// # Errors
     /// The device was lost.
-    pub fn light(
+    pub fn at_vertices(
         &mut self,
         irradiance: &[Vec3],
-        seen: Option<&SeenHead>,
-        mut caster: HeadRayCaster,
-    ) -> Result<()> {
-        let mut all = self.fine.spread(irradiance);
-        let vertices = all.len() as u32;
-        let mut detail = Detail::default();
+        caster: &mut HeadRayCaster,
+    ) -> Result<VertexLight> {
+        let mut known = self.fine.spread(irradiance);
+        known.resize(self.fine.places.len(), Vec3::ZERO);
+        let mut of_lights = Vec::new();
         if let Some(head) = &caster.stage.head
             && !caster.lights.is_empty()
         {
-            let of_vertices = self.at_vertices(head, seen, &mut caster)?;
-            if let Some(seen) = seen {
-                detail = self.wanted_detail(&of_vertices, seen, &caster);
-                let more = self.at_detail(head, &detail, &all, &of_vertices, &mut caster)?;
-                all.extend(more);
-            }
-            let sums = of_vertices.chunks(caster.lights.len()).map(|of| caster.sum(of));
-            all.iter_mut().zip(sums).for_each(|(all, sum)| *all += sum);
+            let of = |(vertex, place): (usize, &SurfacePlace)| {
+                self.vertex(head, place, vertex as u32, u64::MAX)
+            };
+            let places: Vec<HeadVertex> = self.fine.places.par_iter().enumerate().map(of).collect();
+            let spread = EDGE * caster.stage.radius;
+            let lights = caster.lights;
+            of_lights = caster.irradiance(&mut self.pipeline, &places, lights, spread)?;
+            self.soften(lights, &mut of_lights);
+        }
+        Ok(VertexLight { known, of_lights })
+    }
+
+    /// Places from which light is gathered for the vertices.
+    pub fn places(&self, stage: &Geometry) -> Vec<HeadPlace> {
+        let Some(head) = &stage.head else { return Vec::new() };
+        let place = |(vertex, place): (usize, &SurfacePlace)| {
+            let HeadVertex { position, normal, .. } = self.vertex(head, place, 0, 0);
+            let position = position + LIFT * stage.radius * normal;
+            HeadPlace { position, seed: vertex as u32, normal, pad: 0 }
+        };
+        self.fine.places.iter().enumerate().map(place).collect()
+    }
+
+    /// Adds what was gathered at [`Self::places`], evened out with neighbours: relative to what a place that faces as it does
+    /// would have of the open sky, so that the shape of the head stays.
+    pub fn add_gathered(&self, light: &mut VertexLight, gathered: &[Vec3], sky: &[SrbfLight]) {
+        let mean = gathered.iter().sum::<Vec3>() / gathered.len().max(1) as f32;
+        let lobe = |one: &SrbfLight| {
+            let energy = one.energy().map(|e| e as f32);
+            (one.direction.as_vec3(), Vec3::from(energy))
+        };
+        let sky: Vec<(Vec3, Vec3)> = sky.iter().map(lobe).collect();
+        let open = |normal: &Vec3| {
+            let of = |&(direction, energy): &(Vec3, Vec3)| normal.dot(direction).max(0.0) * energy;
+            (sky.iter().map(of).sum::<Vec3>() + mean).max(Vec3::splat(f32::MIN_POSITIVE))
+        };
+        let open: Vec<Vec3> = self.fine.head.normals.par_iter().map(open).collect();
+        let shares = gathered.iter().zip(&open).map(|(&gathered, &open)| gathered / open);
+        let shares = self.evened_out(shares.collect());
+        let all = light.known.iter_mut().zip(shares).zip(open);
+        all.for_each(|((known, share), open)| *known += share * open);
+    }
+
+    /// Shows the head in a light, with detail at what is `seen`.
+    ///
+    /// # Errors
+    /// The device was lost.
+    pub fn show(
+        &mut self,
+        light: &VertexLight,
+        seen: Option<&SeenHead>,
+        mut caster: HeadRayCaster,
+    ) -> Result<()> {
+        let mut all = light.irradiance(caster.lights);
+        let vertices = all.len() as u32;
+        let mut detail = Detail::default();
+        if let Some(head) = &caster.stage.head
+            && let Some(seen) = seen
+            && !caster.lights.is_empty()
+        {
+            detail = self.wanted_detail(light, seen, &caster);
+            all.extend(self.at_detail(head, &detail, light, &mut caster)?);
         }
         let to_radiance = caster.stage.head_albedo / std::f32::consts::PI;
         let padded: Vec<Vec4> = all.iter().map(|&e| (e * to_radiance).extend(1.0)).collect();
@@ -128,31 +192,21 @@ impl HeadSurface {
         Ok(())
     }
 
-    /// What each light of radiance 1 brings to each vertex that is seen, vertex by vertex; 0 at others.
-    fn at_vertices(
-        &mut self,
-        head: &Head,
-        seen: Option<&SeenHead>,
-        caster: &mut HeadRayCaster,
-    ) -> Result<Vec<f32>> {
-        // Beside what is seen what its light depends on, so that it does not depend on the view.
-        let shown = match seen {
-            Some(seen) => self.around(seen, 2 + SOFTENINGS),
-            None => vec![true; self.fine.places.len()],
-        };
-        let vertices: Vec<usize> = (0..shown.len()).filter(|&vertex| shown[vertex]).collect();
-        let of =
-            |&vertex: &usize| self.vertex(head, &self.fine.places[vertex], vertex as u32, u64::MAX);
-        let places: Vec<HeadVertex> = vertices.par_iter().map(of).collect();
-        let (of_lights, spread) = (caster.lights, EDGE * caster.stage.radius);
-        let found = caster.irradiance(&mut self.pipeline, &places, of_lights, spread)?;
-        let lights = caster.lights.len();
-        let mut all = vec![0.0; shown.len() * lights];
-        for (vertex, found) in vertices.into_iter().zip(found.chunks(lights)) {
-            all[vertex * lights..][..lights].copy_from_slice(found);
+    /// Values at vertices, each with its neighbours.
+    fn evened_out(&self, mut values: Vec<Vec3>) -> Vec<Vec3> {
+        for _ in 0..GATHER_SOFTENINGS {
+            let mut sums: Vec<(Vec3, f32)> =
+                values.iter().map(|&value| (2.0 * value, 2.0)).collect();
+            for t in &self.fine.head.triangles {
+                for (to, from) in [(0, 1), (1, 2), (2, 0), (1, 0), (2, 1), (0, 2)] {
+                    let (sum, weight) = &mut sums[t[to] as usize];
+                    *sum += 0.5 * values[t[from] as usize];
+                    *weight += 0.5;
+                }
+            }
+            values = sums.into_iter().map(|(sum, weight)| sum / weight).collect();
         }
-        self.soften(&shown, caster.lights, &mut all);
-        Ok(all)
+        values
     }
 
     /// Which vertices lie within so many triangles of what is seen.
@@ -173,17 +227,16 @@ impl HeadSurface {
     }
 
     /// Evens out T̃ of wide lights, of which a vertex has few rays, over vertices that are near each other.
-    fn soften(&self, shown: &[bool], lights: &[HeadLight], all: &mut [f32]) {
+    fn soften(&self, lights: &[HeadLight], all: &mut [f32]) {
         let Head { normals, triangles, .. } = &self.fine.head;
         let sides = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
-        let both = |[a, b]: &[u32; 2]| shown[*a as usize] && shown[*b as usize];
-        let sides: Vec<[u32; 2]> = triangles.iter().flat_map(sides).filter(both).collect();
+        let sides: Vec<[u32; 2]> = triangles.iter().flat_map(sides).collect();
         let soften = |(j, one): (usize, &HeadLight)| {
             // Of a lobe that is half below the horizon, some arrives.
             let least = 0.3 * one.light.lambda;
             let facing = |normal: &Vec3| one.energy * normal.dot(one.light.direction).max(least);
             let of = |vertex: usize| (all[vertex * lights.len() + j], facing(&normals[vertex]));
-            let bare: Vec<(f32, f32)> = (0..shown.len()).map(of).collect();
+            let bare: Vec<(f32, f32)> = (0..normals.len()).map(of).collect();
             let mut sums = bare.clone();
             for _ in 0..SOFTENINGS {
                 let before = sums.clone();
@@ -202,7 +255,7 @@ impl HeadSurface {
         let wide = lights.par_iter().enumerate().filter(|(_, one)| one.wide == 1);
         let softened: Vec<(usize, Vec<f32>)> = wide.map(soften).collect();
         for (j, of_vertices) in softened {
-            for (vertex, of) in of_vertices.into_iter().enumerate().filter(|(i, _)| shown[*i]) {
+            for (vertex, of) in of_vertices.into_iter().enumerate() {
                 all[vertex * lights.len() + j] = of;
             }
         }
@@ -211,7 +264,7 @@ impl HeadSurface {
     /// A lattice where light that is seen differs much from corner to corner.
     fn wanted_detail(
         &self,
-        of_vertices: &[f32],
+        VertexLight { known, of_lights }: &VertexLight,
         seen: &SeenHead,
         caster: &HeadRayCaster,
     ) -> Detail {
@@ -223,8 +276,9 @@ impl HeadSurface {
         let triangles = &self.fine.head.triangles;
         let near = self.around(seen, 1);
         let lights = caster.lights.len();
-        let of = |vertex: u32| &of_vertices[vertex as usize * lights..][..lights];
-        let most = CONTRAST * caster.whole();
+        let of = |vertex: u32| &of_lights[vertex as usize * lights..][..lights];
+        let mean = known.iter().map(|e| e.element_sum()).sum::<f32>() / known.len().max(1) as f32;
+        let most = CONTRAST * (caster.whole() + mean);
         let rough = |(triangle, corners): (usize, &[u32; 3])| {
             let beside = corners.iter().any(|&vertex| near[vertex as usize]);
             let lights = if beside { caster.differing(corners.map(of), most) } else { 0 };
@@ -239,8 +293,7 @@ impl HeadSurface {
         &mut self,
         head: &Head,
         detail: &Detail,
-        rest: &[Vec3],
-        of_vertices: &[f32],
+        light: &VertexLight,
         caster: &mut HeadRayCaster,
     ) -> Result<Vec<Vec3>> {
         let place = |point: &DetailPoint| detail.place(&self.fine, point);
@@ -260,14 +313,14 @@ impl HeadSurface {
             let mut sum = Vec3::ZERO;
             let corners = detail.corners(&self.fine, point);
             for (vertex, share) in corners {
-                sum += share * rest[vertex as usize];
-                let known = &of_vertices[vertex as usize * lights..][..lights];
+                sum += share * light.known[vertex as usize];
+                let known = &light.of_lights[vertex as usize * lights..][..lights];
                 for (j, found) in found.iter_mut().enumerate() {
                     let looked_for = point.lights >> j & 1 == 1;
                     *found += if looked_for { 0.0 } else { share * known[j] };
                 }
             }
-            sum + caster.sum(found)
+            sum + irradiance_of(caster.lights, found)
         };
         Ok(detail.points.iter().zip(found.chunks_mut(lights)).map(between).collect())
     }
@@ -288,12 +341,22 @@ fn detail_buffer(device: &wgpu::Device, detail: &Detail, vertices: u32) -> wgpu:
     storage(device, "head detail", bytemuck::cast_slice(&words))
 }
 
-impl HeadRayCaster<'_> {
-    /// Irradiance of what the lights bring, each by itself.
-    fn sum(&self, of_lights: &[f32]) -> Vec3 {
-        self.lights.iter().zip(of_lights).map(|(light, &of)| of * light.rgb).sum()
+impl VertexLight {
+    /// Of all that is there, linear RGB, vertex by vertex.
+    pub fn irradiance(&self, lights: &[HeadLight]) -> Vec<Vec3> {
+        let mut all = self.known.clone();
+        let sums = self.of_lights.chunks(lights.len().max(1)).map(|of| irradiance_of(lights, of));
+        all.iter_mut().zip(sums).for_each(|(all, sum)| *all += sum);
+        all
     }
+}
 
+/// Irradiance of what lights bring, each by itself.
+fn irradiance_of(lights: &[HeadLight], of_lights: &[f32]) -> Vec3 {
+    lights.iter().zip(of_lights).map(|(light, &of)| of * light.rgb).sum()
+}
+
+impl HeadRayCaster<'_> {
     /// Irradiance (R + G + B) on what faces all lights at once, in the middle of the hair.
     fn whole(&self) -> f32 {
         let of = |one: &HeadLight| {
@@ -354,7 +417,6 @@ impl HeadRayCaster<'_> {
         lights: &[HeadLight],
         [lift, spread]: [f32; 2],
     ) -> Result<Vec<f32>> {
-        self.traced.prepare(self.gpu, self.stage);
         let Some((buffers, head)) = self.traced.met() else { return Ok(Vec::new()) };
         let Gpu { device, queue, shaders, .. } = self.gpu;
         let pipeline = pipeline.get_or_insert_with(|| {

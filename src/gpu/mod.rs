@@ -2,6 +2,7 @@
 
 pub mod device;
 pub mod frame;
+pub mod gather;
 pub mod head_light;
 pub mod method;
 pub mod probe;

@@ -43,6 +43,87 @@ pub(super) fn compute_pipeline(
     })
 }
 
+/// What a shader finds at a binding.
+#[derive(Clone, Copy)]
+pub(super) enum Bound {
+    Uniform,
+    /// Storage, read only.
+    Read,
+    /// Storage.
+    Write,
+    /// A texture of integers.
+    Uint2d,
+    /// A texture that is read between its texels.
+    Float3d,
+    Sampler,
+}
+
+/// For shaders of which one leaves out bindings that another has.
+pub(super) fn layout(device: &wgpu::Device, bindings: &[(u32, Bound)]) -> wgpu::BindGroupLayout {
+    let of_buffer =
+        |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let of_texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
+        sample_type,
+        view_dimension,
+        multisampled: false,
+    };
+    let entry = |&(binding, bound): &(u32, Bound)| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: match bound {
+            Bound::Uniform => of_buffer(wgpu::BufferBindingType::Uniform),
+            Bound::Read => of_buffer(wgpu::BufferBindingType::Storage { read_only: true }),
+            Bound::Write => of_buffer(wgpu::BufferBindingType::Storage { read_only: false }),
+            Bound::Uint2d => {
+                of_texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2)
+            }
+            Bound::Float3d => of_texture(
+                wgpu::TextureSampleType::Float { filterable: true },
+                wgpu::TextureViewDimension::D3,
+            ),
+            Bound::Sampler => wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+        },
+        count: None,
+    };
+    let entries: Vec<_> = bindings.iter().map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &entries,
+    })
+}
+
+/// [`compute_pipeline`] with layouts that are given.
+pub(super) fn pipeline_over(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    entry: &str,
+    groups: &[&wgpu::BindGroupLayout],
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: &groups,
+        immediate_size: 0,
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(entry),
+        layout: Some(&layout),
+        module,
+        entry_point: Some(entry),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+        cache: None,
+    })
+}
+
+pub(super) fn group(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    entries: &[wgpu::BindGroupEntry],
+) -> wgpu::BindGroup {
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries })
+}
+
 /// Entry points `{name}_vertex` and `{name}_fragment`.
 pub(super) fn raster_pipeline(
     device: &wgpu::Device,

@@ -17,11 +17,12 @@ macro_rules! files {
 }
 
 /// Every file, by its path in shaders/.
-const FILES: [(&str, &str); 28] = files![
+const FILES: [(&str, &str); 33] = files![
     "angles.wgsl",
     "arrival.wgsl",
     "azimuth_table.wgsl",
     "azimuthal.wgsl",
+    "cast.wgsl",
     "deon.wgsl",
     "draws.wgsl",
     "dual.wgsl",
@@ -29,6 +30,8 @@ const FILES: [(&str, &str); 28] = files![
     "fast.wgsl",
     "fibre.wgsl",
     "fibre_draw.wgsl",
+    "gather.wgsl",
+    "gather_sum.wgsl",
     "gaussian.wgsl",
     "head_light.wgsl",
     "lamp.wgsl",
@@ -37,10 +40,12 @@ const FILES: [(&str, &str); 28] = files![
     "marschner.wgsl",
     "nodes.wgsl",
     "occlusion.wgsl",
+    "paths.wgsl",
     "probe/probe.wgsl",
     "raster.wgsl",
     "resolve.wgsl",
     "shade.wgsl",
+    "strand_point.wgsl",
     "tables.wgsl",
     "transmittance.wgsl",
     "view.wgsl",
@@ -135,14 +140,32 @@ impl Shaders {
         self.join(&["view.wgsl", "raster.wgsl"])
     }
 
-    /// Entry points `mark`, `plan_shading`, `end_shading`.
+    /// Entry point `mark`.
     pub fn mark(&self) -> String {
         self.join(&["view.wgsl", "mark.wgsl"])
     }
 
     /// Entry point `shade`.
     pub fn shade(&self, integrator: Integrator) -> String {
-        self.scattering_library(integrator) + "\n" + self.text("shade.wgsl")
+        self.scattering_library(integrator)
+            + "\n"
+            + &self.join(&["strand_point.wgsl", "shade.wgsl"])
+    }
+
+    /// Entry points `aim`, `meet`; for [`Integrator::Fast`].
+    pub fn gather(&self, integrator: Integrator) -> String {
+        let own = ["strand_point.wgsl", "draws.wgsl", "paths.wgsl", "gather.wgsl"];
+        self.scattering_library(integrator) + "\n" + &self.join(&own)
+    }
+
+    /// Entry points `cast_nearest`, `cast_any`.
+    pub fn cast(&self) -> String {
+        self.join(&["angles.wgsl", "occlusion.wgsl", "draws.wgsl", "paths.wgsl", "cast.wgsl"])
+    }
+
+    /// Entry points `sum`, `even_out`.
+    pub fn gather_sum(&self) -> String {
+        self.text("gather_sum.wgsl").to_owned()
     }
 
     /// Entry point `transmittance`.
@@ -168,7 +191,7 @@ impl Shaders {
     }
 
     /// Every pass's shader with its name.
-    pub fn passes(&self) -> [(&'static str, String); 8] {
+    pub fn passes(&self) -> [(&'static str, String); 12] {
         [
             ("raster", self.raster()),
             ("mark", self.mark()),
@@ -177,6 +200,10 @@ impl Shaders {
             ("shade, fast", self.shade(Integrator::Fast(Model::Marschner))),
             ("shade, fast, deon", self.shade(Integrator::Fast(Model::Deon))),
             ("shade, xu", self.shade(Integrator::Xu)),
+            ("gather, fast", self.gather(Integrator::Fast(Model::Marschner))),
+            ("gather, fast, deon", self.gather(Integrator::Fast(Model::Deon))),
+            ("cast", self.cast()),
+            ("gather sum", self.gather_sum()),
             ("resolve", self.resolve()),
         ]
     }

@@ -77,7 +77,7 @@ pub struct ViewUniform {
     pub widened: f32,
 }
 
-/// `Light` of shaders/shade.wgsl, which says what it holds of a lamp.
+/// `Light` of shaders/strand_point.wgsl, which says what it holds of a lamp.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct LightEntry {
@@ -87,6 +87,25 @@ pub struct LightEntry {
     pub energy: f32,
     pub least: f32,
     pub side: [f32; 3],
+    pub chance: f32,
+    pub end: f32,
+    pub pad: [f32; 2],
+}
+
+/// `FieldGrid` of shaders/strand_point.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct FieldGrid {
+    pub origin: Vec3,
+    pub cell: f32,
+    pub dims: Vec3,
+    pub scale: f32,
+}
+
+impl FieldGrid {
+    /// Of no field.
+    pub const NONE: FieldGrid =
+        FieldGrid { origin: Vec3::ZERO, cell: 1.0, dims: Vec3::ONE, scale: 0.0 };
 }
 
 /// `Shading` of shaders/shade.wgsl.
@@ -99,14 +118,11 @@ pub struct ShadingUniform {
     pub lights: u32,
     pub slots: u32,
     pub first_ordinate: u32,
-    pub field_origin: Vec3,
-    pub field_cell: f32,
-    pub field_dims: Vec3,
-    pub field_scale: f32,
+    pub grid: FieldGrid,
     pub lamps: u32,
     pub stride: u32,
     pub last_column: u32,
-    pub pad: u32,
+    pub gathered: u32,
 }
 
 /// `Tracing` of shaders/transmittance.wgsl, before its lights.
@@ -134,6 +150,73 @@ pub struct LightingHead {
     pub pad: [u32; 2],
 }
 
-/// Byte offsets in `Needed` (shaders/mark.wgsl).
-pub const NEEDED_DISPATCH: u64 = 16;
-pub const NEEDED_LIST: u64 = 28;
+/// `Path` of shaders/paths.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Path {
+    /// Relative to the hair's centre.
+    pub origin: Vec3,
+    /// 0 of a slot without a ray.
+    pub most: f32,
+    pub direction: Vec3,
+    pub clear: f32,
+    pub weight: Vec3,
+    pub pad: u32,
+    pub own: [u32; 2],
+    pub draw: [u32; 2],
+}
+
+/// `HeadPlace` of shaders/gather.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct HeadPlace {
+    /// Just above the head, relative to the hair's centre.
+    pub position: Vec3,
+    /// By which its paths' numbers differ from others'.
+    pub seed: u32,
+    pub normal: Vec3,
+    pub pad: u32,
+}
+
+/// `Gather` of shaders/gather.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct GatherUniform {
+    pub eye: Vec3,
+    pub paths: u32,
+    pub grid: FieldGrid,
+    pub first: u32,
+    pub count: u32,
+    pub lights: u32,
+    pub lamps: u32,
+    pub first_ordinate: u32,
+    pub ordinates: u32,
+    pub ordinate_share: f32,
+    pub parts: u32,
+    pub sky: u32,
+    pub event: u32,
+    pub strands: u32,
+    pub pad: u32,
+}
+
+/// `Cast` of shaders/cast.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct CastUniform {
+    pub count: u32,
+    pub pad: u32,
+    pub head: [u32; 2],
+}
+
+/// `GatherSum` of shaders/gather_sum.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct GatherSumUniform {
+    pub first: u32,
+    pub count: u32,
+    pub paths: u32,
+    pub pad: u32,
+}
+
+/// Byte offset of the list in `Needed` (shaders/mark.wgsl).
+pub const NEEDED_LIST: u64 = 8;

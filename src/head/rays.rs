@@ -49,6 +49,17 @@ impl HeadRays {
         !self.bvh.ray_traverse_miss(*ray, |ray, id| self.triangles[id].intersect(ray))
     }
 
+    /// Weights of the corners of a triangle at a place on it. (`obvhs` has them off by the triangle's size.)
+    pub fn weights(&self, id: usize, place: Vec3) -> [f32; 3] {
+        let Triangle { v0, v1, v2 } = self.triangles[id];
+        let [a, b, c] = [v0, v1, v2].map(|corner| (Vec3::from(corner) - place).as_dvec3());
+        let normal = (b - a).cross(c - a);
+        let whole = normal.length_squared().max(f64::MIN_POSITIVE);
+        let [v, w] =
+            [c.cross(a), a.cross(b)].map(|part| (part.dot(normal) / whole).clamp(0.0, 1.0));
+        [(1.0 - v - w).max(0.0) as f32, v as f32, w as f32]
+    }
+
     /// Of a triangle that was hit: itself, and its place among the head's.
     pub fn triangle(&self, id: usize) -> (&Triangle, usize) {
         (&self.triangles[id], self.bvh.primitive_indices[id] as usize)

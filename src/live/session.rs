@@ -24,7 +24,7 @@ use crate::quality::{self, Costs, Facts, Pick, Settings};
 use crate::scene::{
     FibreSpec, HairSpec, HeadSpec, LAMPS, LampSpec, Lens, RenderSpec, Scene, frame_within,
 };
-use crate::srbf::{self, split_weak, split_wide};
+use crate::srbf::{self, sky_of, split_weak, split_wide};
 use crate::stage::{Geometry, exposure_scale, load_hair, place_lights, suns};
 
 /// A hurried picture shall take no longer.
@@ -891,7 +891,11 @@ fn lights_of(stage: &Geometry, light: &Light, scene: &Scene, hurry: bool) -> Lig
     let scene = &unexposed(scene);
     let placed = place_lights(&light.fit.lights, scene);
     let split = if hurry { split_weak(&placed, HURRY_LIGHTS) } else { split_wide(&placed) };
-    Lights { lamps: stage.near_lamps(scene), distant: [suns(scene), split].concat() }
+    Lights {
+        lamps: stage.near_lamps(scene),
+        distant: [suns(scene), split].concat(),
+        sky: sky_of(&placed),
+    }
 }
 
 /// One of how many strands a hurried picture has, and their points.

@@ -76,6 +76,31 @@ impl StrandRays {
         energy * sum / light.rays as f32
     }
 
+    /// What a ray between strands meets first: twin of `cast_nearest` of shaders/cast.wgsl.
+    pub fn cast_nearest(&self, ray: &StrandRay) -> Met {
+        let mut ray = *ray;
+        let mut met = Met::Nothing;
+        if let Some((point, path)) =
+            self.strands.closest(&ray).map(|(id, t)| (self.strands.segment(id), t))
+        {
+            met = Met::Strand { point, path };
+            ray.ray.tmax = path;
+        }
+        if let Some(head) = &self.head
+            && let Some((id, path)) = head.closest(&ray.ray)
+        {
+            let weights = head.weights(id, Vec3::from(ray.ray.origin + path * ray.ray.direction));
+            met = Met::Head { triangle: head.triangle(id).1 as u32, path, weights };
+        }
+        met
+    }
+
+    /// Whether nothing stands in the way of a ray between strands: twin of `cast_any`.
+    pub fn cast_any(&self, ray: &StrandRay) -> bool {
+        !self.strands.occluded(ray)
+            && !self.head.as_ref().is_some_and(|head| head.occluded(&ray.ray))
+    }
+
     /// Adds the rays that each of `lights` asks for to its words of a block of `points`; `counts`: whether to count strands.
     pub fn trace(
         &self,
@@ -129,6 +154,23 @@ impl StrandRays {
         let open = aim.distance > 0.0 && !self.strands.occluded(&ray) && seen(&ray);
         draws::add(words, open, counted);
     }
+}
+
+/// What a ray between strands met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Met {
+    Nothing,
+    /// First point of a segment.
+    Strand {
+        point: u32,
+        path: f32,
+    },
+    /// Weights of the triangle's corners.
+    Head {
+        triangle: u32,
+        path: f32,
+        weights: [f32; 3],
+    },
 }
 
 /// The real strands and head of a stage.

@@ -27,7 +27,9 @@ pub(crate) use cache::is_cached_fit;
 pub use cache::{cache_folder, fit_cached, fit_cached_in};
 pub use fit::{Fit, MAX_LIGHTS, fit};
 pub use lights_json::{from_json, to_json, write_json};
-pub use sample::{ORDINATES, direction_in_lobe, lattice, sample_lobe, split_weak, split_wide};
+pub use sample::{
+    ORDINATES, direction_in_lobe, lattice, sample_lobe, sky_of, split_weak, split_wide,
+};
 
 /// One isotropic SRBF light: L(ω) = rgb · exp(2(ω·direction − 1)/lambda²).
 #[derive(Clone, Copy, Debug, PartialEq)]

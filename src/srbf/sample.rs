@@ -39,8 +39,11 @@ pub const ORDINATES: usize = 48;
 /// Bandwidth of an ordinate's lobe. 0.42 would make wide lights even to 1.5 instead of 3.5 %, and leave white sintel
 /// under a low sun 17 instead of 14 % off.
 const ORDINATE: f64 = 0.36;
-/// Lights wider than this are shared out among ordinates.
+/// A light wider than this, or whose peak is less than so many times the mean radiance of all, is of the sky. The higher,
+/// the fewer rays and evaluations a point takes, and the noisier highlights are: black bob under studio is 8.6, 9.2 and
+/// 9.6 % off at 2, 4 and 8, white bob under overcast 9.1 % at each (and 10.6 where width alone counts).
 const WIDEST: f64 = 0.6;
+const SKY_CONTRAST: f64 = 3.0;
 /// Weights fainter than this share of the greatest are dropped.
 const FAINT: f64 = 0.01;
 /// Sweeps of coordinate descent; the weights have settled to 1e-6 long before.
@@ -75,9 +78,21 @@ pub fn split_weak(lights: &[SrbfLight], strongest: usize) -> Vec<SrbfLight> {
     split(lights, strongest)
 }
 
+/// The lights that [`split_wide`] shares out: those that need not be looked for one by one.
+pub fn sky_of(lights: &[SrbfLight]) -> Vec<SrbfLight> {
+    sky_and_narrow(lights).0
+}
+
+fn sky_and_narrow(lights: &[SrbfLight]) -> (Vec<SrbfLight>, Vec<SrbfLight>) {
+    let whole: f64 = lights.iter().flat_map(SrbfLight::energy).sum();
+    let least = SKY_CONTRAST * whole / (4.0 * PI);
+    let of_sky =
+        |light: &&SrbfLight| light.lambda > WIDEST || light.rgb.iter().sum::<f64>() < least;
+    lights.iter().partition(of_sky)
+}
+
 fn split(lights: &[SrbfLight], strongest: usize) -> Vec<SrbfLight> {
-    let (mut wide, mut rest): (Vec<SrbfLight>, Vec<SrbfLight>) =
-        lights.iter().partition(|light| light.lambda > WIDEST);
+    let (mut wide, mut rest) = sky_and_narrow(lights);
     let energy = |light: &SrbfLight| light.energy().iter().sum::<f64>();
     if strongest < rest.len() {
         rest.sort_by(|a, b| energy(b).total_cmp(&energy(a)));

@@ -23,7 +23,7 @@ pub struct RayBvh {
     /// Segments in the order of the nodes.
     pub items: Vec<u32>,
     /// Relative to the centre, in the order of the nodes: two ends of each segment with their radii, then three corners
-    /// of each triangle of the head.
+    /// of each triangle of the head with its place there.
     pub shapes: Vec<Vec4>,
 }
 
@@ -65,8 +65,12 @@ impl RayBvh {
             let around = |t: &[Vec3; 3]| Aabb::from_points(&t.map(Vec3A::from));
             let tree = Tree::new(&triangles.iter().map(around).collect::<Vec<_>>());
             nodes.extend(tree.nodes.iter().map(|node| node.moved(root[0])));
-            let ordered = tree.items.iter().flat_map(|&i| triangles[i as usize]);
-            shapes.extend(ordered.map(|corner| corner.extend(0.0)));
+            // With each corner the triangle's place among the head's.
+            let ordered = tree
+                .items
+                .iter()
+                .flat_map(|&i| triangles[i as usize].map(|corner| corner.extend(i as f32)));
+            shapes.extend(ordered);
         }
         RayBvh { nodes, head: root, items, shapes }
     }

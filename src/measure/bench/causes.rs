@@ -5,7 +5,8 @@
 //! - light fit: T traced under the fitted lights, T_s. Alone ‖T_s−T‖, remaining ‖F−T_s‖.
 //! - transmittance: that by many rays, evenly spread (`RealStrands::moments`); that to the grid of multiple scattering
 //!   stays and is its own.
-//! - scattering integral: single scattering by dense quadrature (shaders/exact.wgsl).
+//! - scattering integral: single scattering of narrow lights by dense quadrature (shaders/exact.wgsl), of the sky by
+//!   gathered paths.
 //! - coverage: the traced share of hair and head in each pixel.
 //!   For these three, with F′ the frame that has the exact part: alone ‖F−F′‖, remaining ‖F′−T‖.
 //! - multiple scattering: what is left, ‖F*−T_s‖, when all the others are exact (F*). The light that the head
@@ -72,11 +73,11 @@ pub(super) struct OfModel {
 }
 
 impl OfModel {
-    /// `exact`: the model's single scattering by dense quadrature. Leaves another method set in the view.
+    /// `exact`: the model's single scattering by dense quadrature; `field`: of the method that is judged. Leaves another method set in the view.
     pub fn new(
         view: &mut View,
         models: &Models,
-        exact: Option<MethodData>,
+        (exact, field): (Option<MethodData>, Option<&Field>),
         lit: &Lit,
         samples: u32,
         clock: &Clock,
@@ -88,9 +89,9 @@ impl OfModel {
         let (fitted, fitted_single) = (truth(u32::MAX)?, truth(1)?);
         let mut singles = None;
         if let Some(data) = exact {
-            view.show(&lit.hair, &data, None)?;
+            view.show(&lit.hair, &data, field)?;
             let by_transport = shot(view, SINGLE)?;
-            view.show_exact(lit, &data, None)?;
+            view.show_exact(lit, &data, field)?;
             singles = Some([by_transport, shot(view, SINGLE)?]);
         }
         Ok(OfModel { fitted, fitted_single, exact_single: singles })

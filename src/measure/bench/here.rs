@@ -55,10 +55,11 @@ pub fn causes(
     let asked = Asked { models: &models, light: &lit.map, max_depth: u32::MAX, seed: 0 };
     let truth = clock.watch("truth", |progress| view.truth(&asked, SAMPLES, progress))?;
     let exact = exact_single(scene.fibre.model, fibres.base()).filter(|_| !fibres.painted());
-    let model = OfModel::new(&mut view, &models, exact, &lit, SAMPLES, &clock)?;
     let field = clock.watch("scattered light", |progress| {
         lit.hair.field(stage, &view.medium, &data, progress)
     })?;
+    let exact = (exact, field.as_ref());
+    let model = OfModel::new(&mut view, &models, exact, &lit, SAMPLES, &clock)?;
     let method = scene.render.method.word().to_owned();
     let (data, field) = (&data, field.as_ref());
     let subject = Subject { method, data, field, lit: &lit, truth: &truth, model: &model };

@@ -23,7 +23,7 @@ use crate::gpu::Gpu;
 use crate::gpu::frame::{Background, Frame, Parts, Renderer};
 use crate::gpu::head_light::SeenHead;
 use crate::gpu::method::{Integrator, MethodData};
-use crate::light::{HairMedium, LitHair};
+use crate::light::{HairMedium, Lights, LitHair};
 use crate::measure::compare::compare;
 use crate::measure::read::Picture;
 use crate::paint::Fibres;
@@ -38,7 +38,7 @@ use crate::reference::tracer::{Sampling, TraceScene, trace};
 use crate::reference::transmittance::RealStrands;
 use crate::scene::{FibreSpec, Lens, PRESETS, Scene};
 use crate::srbf;
-use crate::stage::{Geometry, load_map, place_lights, shaded_lights};
+use crate::stage::{Geometry, load_map, place_lights, shaded_lights, sky_lights};
 use crate::transport::draws::Words;
 
 /// The seed of path tracing that is judged; the truth's is 0.
@@ -301,7 +301,11 @@ fn fit_lights(
     let fit = clock.watch("fitting lights", |progress| {
         srbf::fit_cached(environment, count as usize, progress)
     })?;
-    let lights = shaded_lights(&fit.lights, scene);
+    let lights = Lights {
+        lamps: Vec::new(),
+        distant: shaded_lights(&fit.lights, scene),
+        sky: sky_lights(&fit.lights, scene),
+    };
     let hair = clock.watch("light transport", |progress| {
         view.medium.bring(view.stage, lights, &view.points, progress)
     })?;
@@ -442,7 +446,10 @@ fn picture(
                     let models = Models::new(&spec, &even);
                     let exact = exact_single(method.exact, &resolved);
                     let samples = effort.truth_samples;
-                    place.insert(OfModel::new(view, &models, exact, lit, samples, clock)?)
+                    // The head's light, which has the field in it, is the same with exact integrals.
+                    let same = methods.iter().zip(&fields).filter(|(m, _)| m.exact == method.exact);
+                    let field = same.filter_map(|(_, field)| *field).next();
+                    place.insert(OfModel::new(view, &models, (exact, field), lit, samples, clock)?)
                 }
             };
             let subject = causes::Subject {

@@ -80,8 +80,7 @@ impl<'a> Skin<'a> {
     pub fn skin_point(&self, id: usize, t: f32, ray: &Ray) -> SkinPoint {
         let (triangle, place) = self.rays.triangle(id);
         let corners = self.head.triangles[place];
-        let place = Vec3::from(ray.origin + t * ray.direction);
-        let weights = barycentrics([triangle.v0, triangle.v1, triangle.v2].map(Vec3::from), place);
+        let weights = self.rays.weights(id, Vec3::from(ray.origin + t * ray.direction));
         let facing = |n: DVec3, d: DVec3| if n.dot(d) > 0.0 { -n } else { n };
         let d = DVec3::from(Vec3::from(ray.direction));
         let facet = facing(DVec3::from(Vec3::from(triangle.compute_normal())), d);
@@ -92,13 +91,4 @@ impl<'a> Skin<'a> {
         let lifted = at.lifted(self.head, side) - self.center;
         SkinPoint { origin: lifted + self.lift * facet.as_vec3(), normal }
     }
-}
-
-/// Weights of the corners at a place on their triangle. (`obvhs` has them off by the triangle's size.)
-fn barycentrics([a, b, c]: [Vec3; 3], place: Vec3) -> [f32; 3] {
-    let [a, b, c] = [a, b, c].map(|corner| (corner - place).as_dvec3());
-    let normal = (b - a).cross(c - a);
-    let whole = normal.length_squared().max(f64::MIN_POSITIVE);
-    let [v, w] = [c.cross(a), a.cross(b)].map(|part| (part.dot(normal) / whole).clamp(0.0, 1.0));
-    [(1.0 - v - w).max(0.0) as f32, v as f32, w as f32]
 }

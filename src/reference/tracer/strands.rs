@@ -207,16 +207,21 @@ impl StrandBvh {
         (self.bvh.bounds.min, self.bvh.bounds.max)
     }
 
-    /// The nearest piece before `ray.tmax`.
-    pub fn closest(&self, ray: &StrandRay) -> Option<PieceId> {
+    /// The nearest piece before `ray.tmax`, and the path to it.
+    pub fn closest(&self, ray: &StrandRay) -> Option<(PieceId, f32)> {
         let mut nearest = None;
         self.bvh.traverse(&ray.ray, |leaf, bound| {
             self.nearest_in(leaf, ray, bound).map_or(bound, |(lane, t)| {
-                nearest = Some(PieceId { leaf: leaf as u32, lane });
+                nearest = Some((PieceId { leaf: leaf as u32, lane }, t));
                 t
             })
         });
         nearest
+    }
+
+    /// First point of the segment that a piece is of.
+    pub fn segment(&self, id: PieceId) -> u32 {
+        self.places[id.leaf as usize][id.lane as usize].point
     }
 
     /// Whether anything lies before `ray.tmax`.
@@ -329,7 +334,7 @@ impl<'a> Strands<'a> {
 
     /// See [`StrandBvh::closest`].
     pub fn closest(&self, ray: &StrandRay) -> Option<PieceId> {
-        self.bvh.closest(ray)
+        self.bvh.closest(ray).map(|(id, _)| id)
     }
 
     /// See [`StrandBvh::occluded`].

@@ -1,0 +1,172 @@
+//! Light that paths gather, against path tracing of as many scattering events.
+
+use glam::{DVec3, Vec3};
+use hairlight::gpu::frame::{Background, Parts, Renderer};
+use hairlight::gpu::method::MethodData;
+use hairlight::light::{HairMedium, Lights};
+use hairlight::measure::compare::compare;
+use hairlight::measure::read::Picture;
+use hairlight::paint::Fibres;
+use hairlight::reference::Models;
+use hairlight::reference::tracer::film::Film;
+use hairlight::reference::tracer::light::Light;
+use hairlight::reference::tracer::skin::Skin;
+use hairlight::reference::tracer::strands::Strands;
+use hairlight::reference::tracer::{Sampling, TraceScene, trace};
+use hairlight::scene::{PRESETS, Scene};
+use hairlight::srbf::{SrbfLight, sky_of, split_wide};
+use hairlight::stage::Geometry;
+
+use crate::wgsl::cpu;
+
+const ALL: Parts = Parts { single: true, global: true, local: true };
+/// Times as many rays and paths as at 16 samples.
+const RAYS: f64 = 8.0;
+const SAMPLES: u32 = 64;
+
+/// A low sun and a sky.
+fn lights() -> Vec<SrbfLight> {
+    vec![
+        SrbfLight {
+            direction: DVec3::new(0.8, 0.4, 0.3).normalize(),
+            lambda: 0.08,
+            rgb: [60.0, 50.0, 40.0],
+        },
+        SrbfLight { direction: DVec3::Y, lambda: 0.9, rgb: [0.3, 0.4, 0.6] },
+        SrbfLight {
+            direction: DVec3::new(-0.5, -0.2, 0.8).normalize(),
+            lambda: 0.5,
+            rgb: [0.4, 0.3, 0.2],
+        },
+    ]
+}
+
+struct View {
+    scene: Scene,
+    stage: Geometry,
+    trace_on_device: bool,
+}
+
+impl View {
+    fn new(preset: &str, head: bool) -> View {
+        let mut scene = Scene::default();
+        scene.hair.strands = 4000;
+        scene.output.size = [96, 72];
+        if !head {
+            scene.head.source = "none".to_owned();
+        }
+        scene.fibre.set_preset(PRESETS.iter().find(|p| p.name == preset).unwrap());
+        let stage = Geometry::load(&scene).unwrap();
+        View { scene, stage, trace_on_device: false }
+    }
+
+    /// A frame; without a field paths meet two strands after the one that is seen.
+    fn frame(&self, parts: Parts, with_field: bool) -> Picture {
+        let View { scene, stage, .. } = self;
+        let lens = stage.camera(scene).unwrap().lens(stage.center, scene.output.size);
+        let fibres = Fibres::new(&scene.fibre, None);
+        let method = MethodData::new(scene.fibre.model, fibres, &scene.render).unwrap();
+        let mut renderer = Renderer::new(cpu(), &method, stage).unwrap();
+        renderer.trace_on_device = self.trace_on_device;
+        let (points, head) = renderer.visible(&[lens], stage.pieces(&lens), SAMPLES).unwrap();
+        let medium = HairMedium::new(stage, with_field);
+        let lights =
+            Lights { lamps: Vec::new(), distant: split_wide(&lights()), sky: sky_of(&lights()) };
+        let lit = medium.bring(stage, lights, &points, &|_| true).unwrap();
+        let field = lit.field(stage, &medium, &method, &|_| true).unwrap();
+        let (seen, at) = ((&points[..], Some(&head)), (stage, &medium));
+        lit.show_at(at, &mut renderer, &method, field.as_ref(), seen, RAYS, &|_| true).unwrap();
+        let frame = renderer.render(&lens, SAMPLES, Background::Transparent, parts).unwrap();
+        Picture::of_frame(&frame)
+    }
+
+    fn truth(&self, max_depth: u32, samples: u32) -> Picture {
+        let View { scene, stage, .. } = self;
+        let Geometry { hair, diameters, frames, head, head_albedo, center, .. } = stage;
+        let lens = stage.camera(scene).unwrap().lens(*center, scene.output.size);
+        let light = Light::lobes(&lights()).unwrap();
+        let strands = Strands::new(hair, diameters, frames, stage.pieces(&lens), *center);
+        let skin = head.as_ref().map(|head| Skin::new(head, *head_albedo, *center));
+        let model = hairlight::reference::model_of(&scene.fibre);
+        let traced = TraceScene {
+            strands: &strands,
+            skin: skin.as_ref(),
+            light: &light,
+            models: &Models::even(&*model),
+            lens,
+            sampling: Sampling::Both,
+            max_depth,
+            seed: 0,
+        };
+        let mut film = Film::new(lens.size);
+        trace(&traced, &mut film, samples, &|_| true).unwrap();
+        Picture::of_film(&film, "the truth")
+    }
+}
+
+/// Mean of green over the hair of `a` over that of `b`.
+fn ratio(a: &Picture, b: &Picture) -> f64 {
+    let sum = |picture: &Picture| -> f64 {
+        let hair = b.hair.as_ref().expect("hair");
+        picture.rgb.iter().zip(hair).map(|(rgb, &hair)| f64::from(rgb[1] * hair)).sum()
+    };
+    sum(a) / sum(b)
+}
+
+#[test]
+fn paths_bring_what_three_events_scatter() {
+    for preset in ["blond", "white", "black"] {
+        let view = View::new(preset, false);
+        let frame = view.frame(ALL, false);
+        let [two, three, four] = [2, 3, 4].map(|depth| view.truth(depth, 256));
+        let (error, mean) = (compare(&frame, &three).unwrap().error(), ratio(&frame, &three));
+        let others = [ratio(&frame, &two), ratio(&frame, &four)];
+        println!(
+            "{preset}: {:.1} % off, mean {mean:.3}; of 2 and 4 events {others:.3?}",
+            100.0 * error
+        );
+        assert!(error < 0.1 && (mean - 1.0).abs() < 0.03, "{preset}: {error} {mean}");
+        // The control: one event less or more is told apart, where a strand scatters much.
+        if preset != "black" {
+            assert!(others[0] > 1.0 + 2.0 * (mean - 1.0).abs() && others[0] > 1.04, "{others:?}");
+            assert!(others[1] < 0.97, "{others:?}");
+        }
+    }
+}
+
+#[test]
+fn what_the_device_casts_is_what_its_twin_casts() {
+    let view = View::new("blond", true);
+    let twin = view.frame(ALL, true);
+    let device = View { trace_on_device: true, ..view };
+    let error = compare(&device.frame(ALL, true), &twin).unwrap().error();
+    let single = Parts { single: true, global: false, local: false };
+    let control = compare(&device.frame(single, true), &twin).unwrap().error();
+    println!(
+        "device against twin {:.2} %; one event alone {:.0} %",
+        100.0 * error,
+        100.0 * control
+    );
+    assert!(error < 0.01 && control > 0.1, "{error} {control}");
+}
+
+#[test]
+fn the_head_has_light_from_hair_and_head() {
+    let mut view = View::new("white", true);
+    view.scene.output.size = [120, 90];
+    let skin = |picture: &Picture, i: usize| {
+        let plane = |plane: &Option<Vec<f32>>| plane.as_ref().map_or(0.0, |plane| plane[i]);
+        plane(&picture.hair) == 0.0 && plane(&picture.alpha) > 0.99
+    };
+    let truth = view.truth(u32::MAX, 256);
+    let direct = view.truth(1, 64);
+    let frame = view.frame(ALL, true);
+    let sum = |picture: &Picture| -> Vec3 {
+        let seen = (0..picture.rgb.len()).filter(|&i| skin(&truth, i) && skin(&frame, i));
+        seen.map(|i| Vec3::from(picture.rgb[i])).sum()
+    };
+    let (frame, truth, direct) = (sum(&frame), sum(&truth), sum(&direct));
+    println!("head: frame over truth {:.3}, of direct light {:.3}", frame / truth, direct / truth);
+    assert!((frame / truth - 1.0).abs().max_element() < 0.03, "{}", frame / truth);
+    assert!((direct / truth).max_element() < 0.93, "{}", direct / truth);
+}
