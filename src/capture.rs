@@ -171,11 +171,11 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
     let Some((frame, figures, frame_ms)) = last else { bail!("no frame was asked for") };
 
     let delta_t = if options.verify {
-        // Rays go along lobes, which a lamp near the hair has not one of.
+        // Rays go along lobes, which a lamp near the hair has not one of; the sky has no T̃.
         let words = renderer.traced_words(&points)?.split_off(lit.lamps.len());
         let t = |j: usize, k: usize| transmittance(words[j][k]);
         let real = RealStrands::new(&stage);
-        real.delta_t(&lenses[0], &points, &lit.lights, t, VERIFIED_PIXELS)
+        real.delta_t(&lenses[0], &points, &lit.lights[..words.len()], t, VERIFIED_PIXELS)
     } else {
         None
     };
@@ -252,6 +252,7 @@ pub fn run(scene: &Scene, options: &CaptureOptions) -> Result<()> {
             head_vertices: stage.head.as_ref().map_or(0, |head| head.positions.len()),
             transport_looks: lit.brought.iter().map(|brought| brought.looks).sum(),
             rays: renderer.traced_rays(),
+            paths: done.points * u64::from(renderer.paths_per_point()),
             field_rounds: field.as_ref().map_or(0, |field| field.rounds),
             bytes: renderer.shading_bytes(),
         },

@@ -371,8 +371,9 @@ impl LitHair {
     ) -> Result<()> {
         self.set(renderer, method, rays);
         self.set_between((stage, medium), renderer, field, rays);
-        self.light_head((stage, medium), renderer, head)?;
-        if !renderer.trace(stage, points, medium.rays(stage, renderer), progress)? {
+        let go_on = || progress(0.0);
+        let lit = self.light_head((stage, medium), renderer, head, &go_on)?;
+        if !lit || !renderer.trace(stage, points, medium.rays(stage, renderer), progress)? {
             bail!("cancelled");
         }
         Ok(())
@@ -384,14 +385,15 @@ impl LitHair {
         (stage, medium): (&Geometry, &HairMedium),
         renderer: &mut Renderer,
         seen: Option<&SeenHead>,
-    ) -> Result<()> {
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<bool> {
         let mut rays = self.head_rays(stage);
         // A gather looks for the ordinates itself.
         let own = if renderer.gathers_now() { rays.len() - self.ordinates() } else { rays.len() };
         rays[own..].fill(0);
         let rest = self.head_irradiance_of(|j| j < own && rays[j] == 0);
         let host = medium.rays(stage, renderer);
-        renderer.light_head(stage, &rest, &self.head_lights(stage, &rays), seen, host)
+        renderer.light_head(stage, &rest, &self.head_lights(stage, &rays), seen, host, go_on)
     }
 
     /// [`Self::show_at`] with T̃ that is known at [`Self::points`]: `words[j][k]` is light j at point k.
@@ -409,7 +411,7 @@ impl LitHair {
     ) -> Result<()> {
         self.set(renderer, method, 1.0);
         self.set_between(at, renderer, field, 1.0);
-        self.light_head(at, renderer, head)?;
+        self.light_head(at, renderer, head, &|| true)?;
         renderer.upload(&self.points, words);
         Ok(())
     }
@@ -426,7 +428,7 @@ impl LitHair {
     ) -> Result<()> {
         renderer.set_gather(stage, None);
         renderer.set_lights(&self.lamps, &self.lights, &self.sky, 1.0);
-        renderer.light_head(stage, &self.head_irradiance(), &[], None, None)?;
+        renderer.light_head(stage, &self.head_irradiance(), &[], None, None, &|| true)?;
         renderer.upload(points, &self.rough);
         Ok(())
     }

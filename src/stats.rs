@@ -110,6 +110,8 @@ pub struct Work {
     pub transport_looks: u64,
     /// Rays for T̃ at the points.
     pub rays: u64,
+    /// Paths that leave visible points for light of the sky and between strands.
+    pub paths: u64,
     /// Rounds of sweeps along all ordinates until what strands make of each other's light stood still.
     pub field_rounds: usize,
     /// Tables, reach, lights, field and points that shading reads.

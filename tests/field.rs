@@ -3,10 +3,10 @@
 use std::process::Command;
 
 use glam::{DVec3, Vec3};
-use hairlight::gpu::frame::Renderer;
 use hairlight::gpu::method::MethodData;
 use hairlight::light::HairMedium;
 use hairlight::measure::read::Picture;
+use hairlight::reference::transmittance::RealStrands;
 use hairlight::scattering::model::Model;
 use hairlight::scene::Scene;
 use hairlight::srbf::{ORDINATES, SrbfLight, split_wide};
@@ -14,7 +14,6 @@ use hairlight::stage::Geometry;
 use tempfile::tempdir;
 
 use crate::frames::{captured, write_hair, write_unit_map};
-use crate::wgsl::cpu;
 
 /// The mean over hair of the light along all ordinates under even light of 1, met by a strand or not.
 fn furnace(model: Model, sigma_a: f64) -> f64 {
@@ -33,16 +32,14 @@ fn furnace(model: Model, sigma_a: f64) -> f64 {
     let lit = medium.bring(&stage, lights.clone(), &points, &|_| true).unwrap();
     let method = MethodData::fast(&fibre, model, model.nodes());
     let field = lit.field(&stage, &medium, &method, &|_| true).unwrap().expect("a field");
-    let mut renderer = Renderer::new(cpu(), &method, &stage).unwrap();
-    lit.show((&stage, &medium), &mut renderer, &method, None, 4.0, &|_| true).unwrap();
-    let words = renderer.traced_words(&points).unwrap();
+    let strands = RealStrands::new(&stage);
     let [nx, ny, nz] = field.dims;
     let mut sum = 0.0;
-    for (k, &point) in points.iter().enumerate() {
+    for &point in &points {
         let cell = ((stage.hair.points[point as usize] - field.origin) / field.cell).floor();
         let [x, y, z] = cell.to_array().map(|at| at as usize);
         for (j, light) in lights.iter().enumerate() {
-            let direct = hairlight::transport::draws::transmittance(words[j][k]);
+            let direct = strands.transmittance(point as usize, light, 32);
             // Peaks of lobes that overlap.
             let unit = |one: &SrbfLight| SrbfLight { rgb: [1.0; 3], ..*one };
             let overlap = lights.iter().map(|one| unit(one).radiance(light.direction)[0]);

@@ -244,7 +244,7 @@ const FIGURES: &str = "\
     transport.weighted_abs_delta_t 0, \
     work.bytes C, work.field_rounds C, work.global_evaluations C, work.head_vertices C, work.lamps C, \
     work.lights C, work.lobes C, \
-    work.pairs_asked C, work.pairs_lit C, work.points_shaded C, work.rays C, work.single_evaluations C, \
+    work.pairs_asked C, work.pairs_lit C, work.paths C, work.points_shaded C, work.rays C, work.single_evaluations C, \
     work.transport_looks C";
 
 fn figure_names(figures: &Value) -> String {

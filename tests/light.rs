@@ -66,7 +66,7 @@ fn pictures_go_on_under_the_old_light_until_the_new_one_is_there() {
     // Another map and a long fit, given up for a camera that turns at once.
     let mut slow = scene.clone();
     slow.environment.source = "builtin:sunset".to_owned();
-    slow.environment.lights = Some(48);
+    slow.environment.lights = Some(128);
     let begun = Instant::now();
     let brief = || begun.elapsed() < Duration::from_millis(100);
     assert!(!session.see(&wish(&slow), &brief, &|_| {}).unwrap(), "given up");

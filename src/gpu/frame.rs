@@ -773,6 +773,11 @@ impl Renderer {
         self.gather.is_some()
     }
 
+    /// Paths that are gathered at each point; 0 where nothing is.
+    pub fn paths_per_point(&self) -> u32 {
+        self.gather.as_ref().map_or(0, Gather::paths_per_point)
+    }
+
     /// From now on light of the sky and between strands is gathered, or the field has it alone. Without rays of the CPU `stage` is brought
     /// to the device.
     pub fn set_gather(&mut self, stage: &Geometry, gather: Option<Gather>) {
@@ -849,7 +854,7 @@ impl Renderer {
     }
 
     /// Sets the irradiance of the vertices of the stage's head, and adds that of `lights` at what is `seen`, or at all
-    /// vertices: by rays on the device, or by `rays`.
+    /// vertices: by rays on the device, or by `rays`. False where `go_on` said no.
     ///
     /// # Errors
     /// The device was lost.
@@ -860,7 +865,8 @@ impl Renderer {
         lights: &[HeadLight],
         seen: Option<&SeenHead>,
         rays: Option<&StrandRays>,
-    ) -> Result<()> {
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<bool> {
         if rays.is_none() {
             self.traced.prepare(&self.gpu, stage);
         }
@@ -873,16 +879,23 @@ impl Renderer {
             let parts = Parts { single: true, global: multiple, local: multiple };
             let mut pipelines = self.gather_pipelines.take();
             let places = self.head.places(stage);
-            let gathered = gather.at_head(&self.gather_scene(parts), &mut pipelines, &places);
+            let scene = self.gather_scene(parts);
+            let gathered = gather.at_head(&scene, &mut pipelines, &places, go_on);
             self.gather_pipelines = pipelines;
-            let (_, distant, _) = &self.to_trace;
-            let sky = &distant[distant.len().saturating_sub(ORDINATES)..];
-            self.head.add_gathered(&mut light, &gathered?, sky);
-            gather.set_head(&self.gpu, stage, &light.irradiance(lights));
+            if let Ok(Some(gathered)) = &gathered {
+                let (_, distant, _) = &self.to_trace;
+                let sky = &distant[distant.len().saturating_sub(ORDINATES)..];
+                self.head.add_gathered(&mut light, gathered, sky);
+                gather.set_head(&self.gpu, stage, &light.irradiance(lights));
+            }
             self.gather = Some(gather);
+            if gathered?.is_none() {
+                return Ok(false);
+            }
         }
         let Renderer { gpu, traced, head, .. } = self;
-        head.show(&light, seen, HeadRayCaster { gpu, stage, traced, host: rays, lights })
+        head.show(&light, seen, HeadRayCaster { gpu, stage, traced, host: rays, lights })?;
+        Ok(true)
     }
 
     /// Sets the map behind the hair: turned by `rotation_rad` about +y, multiplied by `scale`.

@@ -170,6 +170,10 @@ impl Gather {
             storage(&gpu.device, "corner radiance", bytemuck::cast_slice(&corners));
     }
 
+    pub(super) fn paths_per_point(&self) -> u32 {
+        self.paths * self.times
+    }
+
     /// From now on points have `times` as many paths as were asked for.
     pub(super) fn multiply(&mut self, times: u32) {
         self.times = times;
@@ -202,7 +206,7 @@ impl Gather {
         let seen = storage(device, "seen", bytemuck::cast_slice(points));
         let means = storage_of(device, "gathered", 16 * scene.strand_of.len() as u64);
         let origins = Origins::Points(eye, points);
-        let paths = self.paths * self.times;
+        let paths = self.paths_per_point();
         if !self.collect(scene, pipelines, paths, (&origins, &seen), &means, go_on)? {
             return Ok(false);
         }
@@ -222,7 +226,8 @@ impl Gather {
         Ok(true)
     }
 
-    /// Irradiance that `places` on the head have from the sky, from strands and from the head, linear RGB.
+    /// Irradiance that `places` on the head have from the sky, from strands and from the head, linear RGB; None where
+    /// `go_on` said no.
     ///
     /// # Errors
     /// The device was lost.
@@ -231,9 +236,10 @@ impl Gather {
         scene: &GatherScene,
         known: &mut Option<GatherPipelines>,
         places: &[HeadPlace],
-    ) -> Result<Vec<Vec3>> {
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Vec<Vec3>>> {
         if places.is_empty() || scene.light_count == 0 {
-            return Ok(vec![Vec3::ZERO; places.len()]);
+            return Ok(Some(vec![Vec3::ZERO; places.len()]));
         }
         let before = known.take();
         let pipelines = &*known.insert(GatherPipelines::new(before, scene));
@@ -242,9 +248,11 @@ impl Gather {
         let all = storage(device, "places", bytemuck::cast_slice(&all));
         let means = storage_of(device, "gathered", 16 * places.len() as u64);
         let origins = Origins::Head(places);
-        self.collect(scene, pipelines, PATHS_PER_PLACE, (&origins, &all), &means, &|| true)?;
+        if !self.collect(scene, pipelines, PATHS_PER_PLACE, (&origins, &all), &means, go_on)? {
+            return Ok(None);
+        }
         let means: Vec<Vec4> = scene.gpu.read(&means)?;
-        Ok(means.into_iter().map(|mean| PI * mean.truncate()).collect())
+        Ok(Some(means.into_iter().map(|mean| PI * mean.truncate()).collect()))
     }
 
     /// Writes the mean over the paths of each origin to `means`, at the places that `list` has.
