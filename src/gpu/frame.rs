@@ -128,10 +128,8 @@ pub struct Sight {
     passes: BTreeMap<&'static str, f64>,
 }
 
-/// A light is left out at a point where less than this share of a fair part of the unshadowed irradiance
-/// arrives from it, and a lobe of the fibre where less comes through it. What that leaves out of a frame, and of the
-/// lobes joined with lights: on the builtin bob 0.06 % (relative L2) for a third fewer under studio, 0.02 % for a
-/// quarter under sunset, 0.06 % for 45 % under night. 1e-2 would leave out 1.0, 0.4 and 0.8 % for 61, 48 and 71 %.
+/// Cull threshold: a narrow light is skipped at a point where it delivers less than this share of the mean irradiance of a
+/// light, and a lobe of the fibre where less comes through it. What that leaves out of a frame is below 0.1 % (tests/work.rs).
 pub const NEGLIGIBLE: f64 = 1e-3;
 
 /// Pixels of a frame that are rendered at a time, in bands of whole rows: a band's sums fill a storage buffer of
