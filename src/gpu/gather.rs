@@ -28,8 +28,8 @@ const PATHS_PER_BATCH: usize = 1 << 16;
 /// 6.7 %, blond under studio 8.1, 5.1, 4.7 and 5.6 %.
 const STRANDS_OF_POINTS: u32 = 2;
 
-/// Paths of a place on the head.
-const PATHS_PER_PLACE: u32 = 64;
+/// Paths of a place on the head, of which the builtin one has 16,200; neighbours even them out.
+const PATHS_PER_PLACE: u32 = 48;
 
 /// As shaders/paths.wgsl has them.
 const HIT_NOTHING: u32 = u32::MAX;

@@ -30,7 +30,7 @@ const DETAIL_RAYS: [f32; 2] = [2.0, 10.0];
 const MOST_ACROSS: f32 = 8.0;
 
 /// Rounds in which what is gathered is evened out from neighbour to neighbour.
-const GATHER_SOFTENINGS: usize = 2;
+const GATHER_SOFTENINGS: usize = 5;
 
 /// Light at the vertices of the head that is drawn.
 pub(super) struct VertexLight {
