@@ -3,6 +3,12 @@
 // A ray that starts on a fibre misses its own strand over a path of so many radii.
 const CLEAR_RADII = 4.0;
 
+// Where light along unit `direction` leaves a fibre about `axis_point` along unit `u`.
+fn fibre_surface(axis_point: vec3f, radius: f32, u: vec3f, direction: vec3f) -> vec3f {
+    let aside = direction - dot(direction, u) * u;
+    return axis_point + radius * (aside * inverseSqrt(max(dot(aside, aside), 1e-20)));
+}
+
 struct TracedLight {
     direction: vec3f,   // of a lamp near the hair: its centre
     lambda: f32,        // of a lamp: its size

@@ -76,11 +76,10 @@ fn numbers(draw: vec2u, d: u32) -> vec4f {
     return vec4f(number(draw, d), number(draw, d + 1u), number(draw, d + 2u), number(draw, d + 3u));
 }
 
-// From a fibre on the side that `direction` leaves by, as rays do.
+// The path that leaves a fibre along `direction`, on that side of it.
 fn leave(axis_point: vec3f, radius: f32, u: vec3f, own: vec2u, direction: vec3f, most: f32, weight: vec3f, draw: vec2u) -> Path {
-    let aside = direction - dot(direction, u) * u;
-    let outward = aside * inverseSqrt(max(dot(aside, aside), 1e-20));
-    return Path(axis_point + radius * outward, most, direction, CLEAR_RADII * radius, weight, 0u, own, draw);
+    let origin = fibre_surface(axis_point, radius, u, direction);
+    return Path(origin, most, direction, CLEAR_RADII * radius, weight, 0u, own, draw);
 }
 
 const FAR = 1e29;
@@ -112,7 +111,7 @@ fn aim(@builtin(global_invocation_id) id: vec3u) {
         let place = mix(here.xyz, strand_points[2u * other].xyz, abs(aside));
         let drawn = draw(fibre, shares, theta_o, phi_o, numbers(n, FIRST));
         let direction = direction_at(frame, drawn.theta_i, drawn.phi_i);
-        let most = select(0.0, FAR, max(drawn.weight.x, max(drawn.weight.y, drawn.weight.z)) > 0.0);
+        let most = select(0.0, FAR, brightest(drawn.weight) > 0.0);
         paths[id.x * gather.paths + k] = leave(place, 0.5 * here.w, turn.xyz, own, direction, most, drawn.weight, n);
     }
 }
@@ -252,6 +251,7 @@ fn drawn_light(u: f32) -> u32 {
     return low;
 }
 
+// Radiance of the sky.
 fn sky_along(direction: vec3f) -> vec3f {
     var sky = vec3f();
     for (var i = gather.lights; i < gather.lights + gather.sky; i++) {
@@ -262,6 +262,7 @@ fn sky_along(direction: vec3f) -> vec3f {
     return sky;
 }
 
+// The ordinate, among ordinates, that is nearest to a direction.
 fn nearest_ordinate(direction: vec3f) -> u32 {
     var best = 0u;
     var most = -2.0;

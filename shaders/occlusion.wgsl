@@ -62,9 +62,8 @@ fn ray_from(origin: vec3f, direction: vec3f, most: f32, clear: f32, own: vec2u) 
 
 // From a fibre about `axis_point` along unit `u`, on the side that `direction` leaves by.
 fn ray_leaving(axis_point: vec3f, radius: f32, u: vec3f, own: vec2u, direction: vec3f, most: f32) -> Ray {
-    let across = direction - dot(direction, u) * u;
-    let outward = across * inverseSqrt(max(dot(across, across), 1e-20));
-    return ray_from(axis_point + radius * outward, direction, most, CLEAR_RADII * radius, own);
+    let origin = fibre_surface(axis_point, radius, u, direction);
+    return ray_from(origin, direction, most, CLEAR_RADII * radius, own);
 }
 
 // Before the root of a tree, as if it were a lone child.

@@ -389,7 +389,7 @@ impl LitHair {
     ) -> Result<bool> {
         let mut rays = self.head_rays(stage);
         // A gather looks for the ordinates itself.
-        let own = if renderer.gathers_now() { rays.len() - self.ordinates() } else { rays.len() };
+        let own = if renderer.gathers() { rays.len() - self.ordinates() } else { rays.len() };
         rays[own..].fill(0);
         let rest = self.head_irradiance_of(|j| j < own && rays[j] == 0);
         let host = medium.rays(stage, renderer);
@@ -450,7 +450,7 @@ impl LitHair {
             Some(field) => renderer.set_field(field),
             None => renderer.clear_field(),
         }
-        if !renderer.gathers() || self.ordinates() == 0 {
+        if !renderer.can_gather() || self.ordinates() == 0 {
             return;
         }
         let paths = (PATHS_PER_POINT * rays).round().max(1.0) as u32;

@@ -255,12 +255,6 @@ impl Renderer {
         let strand_of = strands
             .flat_map(|(strand, points)| std::iter::repeat_n(strand, points.len()))
             .collect();
-        let ends: Vec<[u32; 2]> = (hair.strands())
-            .flat_map(|points| {
-                let own = [points.start as u32, (points.end.max(points.start + 1) - 1) as u32];
-                std::iter::repeat_n(own, points.len())
-            })
-            .collect();
         let device = &gpu.device;
         let strand_points = strand_points(device, stage);
         let head = HeadSurface::new(device, stage);
@@ -289,7 +283,7 @@ impl Renderer {
             field_overlap: 0.0,
             gather: None,
             gather_pipelines: None,
-            strand_ends: storage(device, "strand ends", bytemuck::cast_slice(&ends)),
+            strand_ends: storage(device, "strand ends", bytemuck::cast_slice(&hair.strand_ends())),
             field_texture: volume_texture(&gpu, "field", [1; 3], &[Default::default()]),
             field_sampler: linear_sampler(device),
             painted: point_texture(&gpu, method.fibres.points()),
@@ -381,18 +375,9 @@ impl Renderer {
         pieces: u32,
         samples: u32,
     ) -> Result<(Vec<u32>, SeenHead)> {
-        let (work, sampling, _) = self.look_through(lenses, pieces, samples)?;
-        Ok((work.listed(&self.gpu)?, work.head(&self.gpu, lenses, sampling)?))
-    }
-
-    fn look_through(
-        &mut self,
-        lenses: &[Lens],
-        pieces: u32,
-        samples: u32,
-    ) -> Result<(Work, Sampling, PassTimer)> {
         self.draw_segments(pieces, self.every_segment.clone());
-        self.find_all(lenses, samples)
+        let (work, sampling, _) = self.find_all(lenses, samples)?;
+        Ok((work.listed(&self.gpu)?, work.head(&self.gpu, lenses, sampling)?))
     }
 
     /// What is seen of the segments that are drawn, by lenses of one size.
@@ -509,6 +494,10 @@ impl Renderer {
         parts: Parts,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Option<bool>> {
+        // Pictures without a gather leave its pipelines where they are.
+        if self.gather.is_none() {
+            return Ok(Some(false));
+        }
         let mut pipelines = self.gather_pipelines.take();
         let Some(gather) = self.gather.as_ref() else { return Ok(Some(false)) };
         let scene = self.gather_scene(parts);
@@ -608,15 +597,15 @@ impl Renderer {
                 ..LightEntry::zeroed()
             })
         });
-        let of_lights = lights.iter().map(|light| LightEntry {
+        let distant = |light: &SrbfLight| LightEntry {
             direction: light.direction.as_vec3(),
             lambda: light.lambda as f32,
             rgb: Vec3::from(light.rgb.map(|c| c as f32)),
             energy: lobe_integral(light.lambda) as f32,
             least: least(lobe_integral(light.lambda)) as f32,
             ..LightEntry::zeroed()
-        });
-        let mut entries: Vec<LightEntry> = of_lamps.chain(of_lights).collect();
+        };
+        let mut entries: Vec<LightEntry> = of_lamps.chain(lights.iter().map(distant)).collect();
         self.light_count = entries.len() as u32;
         let whole = powers.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         let mut end = 0.0;
@@ -629,12 +618,7 @@ impl Renderer {
             ([], Some(first)) => &lights[first..],
             (sky, _) => sky,
         };
-        entries.extend(sky.iter().map(|light| LightEntry {
-            direction: light.direction.as_vec3(),
-            lambda: light.lambda as f32,
-            rgb: Vec3::from(light.rgb.map(|c| c as f32)),
-            ..LightEntry::zeroed()
-        }));
+        entries.extend(sky.iter().map(distant));
         self.sky_count = sky.len() as u32;
         self.lights = storage(&self.gpu.device, "lights", bytemuck::cast_slice(&entries));
         let had_lamps = self.lamp_count > 0;
@@ -762,12 +746,12 @@ impl Renderer {
     }
 
     /// Whether the method can gather light.
-    pub fn gathers(&self) -> bool {
+    pub fn can_gather(&self) -> bool {
         self.method.twin.is_some()
     }
 
     /// Whether light is gathered.
-    pub fn gathers_now(&self) -> bool {
+    pub fn gathers(&self) -> bool {
         self.gather.is_some()
     }
 
@@ -776,8 +760,8 @@ impl Renderer {
         self.gather.as_ref().map_or(0, Gather::paths_per_point)
     }
 
-    /// From now on light of the sky and between strands is gathered, or the field has it alone. Without rays of the CPU `stage` is brought
-    /// to the device.
+    /// From now on light of the sky and between strands is gathered, or with None comes from ordinates and the field. Where
+    /// the device casts the rays, `stage` is brought to it.
     pub fn set_gather(&mut self, stage: &Geometry, gather: Option<Gather>) {
         if gather.as_ref().is_some_and(Gather::casts_on_device) {
             self.traced.prepare(&self.gpu, stage);
@@ -865,7 +849,7 @@ impl Renderer {
         rays: Option<&StrandRays>,
         go_on: &dyn Fn() -> bool,
     ) -> Result<bool> {
-        if rays.is_none() {
+        if rays.is_none() && !lights.is_empty() {
             self.traced.prepare(&self.gpu, stage);
         }
         let Renderer { gpu, traced, head, .. } = &mut *self;
@@ -992,16 +976,10 @@ impl Renderer {
     /// Shades a frame once more to count what that takes; see [`Self::render`].
     pub fn count(&mut self, lens: &Lens, samples: u32, parts: Parts) -> Result<Done> {
         let mut done = Done::default();
-        let gathered = self.gather.is_some();
         for band in bands(lens) {
             let sight = self.sight(&band, samples)?;
             let mut timer = PassTimer::new(&self.gpu);
-            self.gpu.queue.submit([{
-                let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-                encoder.clear_buffer(&sight.work.radiance, 0, None);
-                encoder.finish()
-            }]);
-            self.shade(&sight, (parts, true, gathered), &mut timer, &|| true)?;
+            self.shade(&sight, (parts, true, false), &mut timer, &|| true)?;
             let counts: Vec<[f32; 4]> = self.gpu.read(&sight.work.radiance)?;
             let sum =
                 |k: usize| sight.points.iter().map(|&i| counts[i as usize][k] as u64).sum::<u64>();
@@ -1329,7 +1307,7 @@ impl Work {
             marks: zeros("marks", 4 * points, nothing),
             head_seen: zeros("head seen", 4 * triangles, read),
             needed: zeros("needed", NEEDED_LIST + 4 * points, again),
-            radiance: zeros("radiance", 16 * points, again),
+            radiance: zeros("radiance", 16 * points, read),
             sum: zeros("sum", 16 * pixels, again),
             hair_sum: zeros("hair sum", 4 * pixels, again),
         }

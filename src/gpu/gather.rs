@@ -15,7 +15,7 @@ use super::method::{Integrator, MethodData};
 use super::resources::*;
 use super::transmittance::PointTransmittance;
 use super::uniforms::{CastUniform, FieldGrid, GatherSumUniform, GatherUniform, HeadPlace, Path};
-use crate::reference::tracer::strands::StrandRay;
+use crate::reference::tracer::strands::{CLEAR_RADII, StrandRay};
 use crate::reference::transmittance::{Met, StrandRays};
 use crate::srbf::ORDINATES;
 use crate::stage::Geometry;
@@ -34,8 +34,6 @@ const PATHS_PER_PLACE: u32 = 48;
 /// As shaders/paths.wgsl has them.
 const HIT_NOTHING: u32 = u32::MAX;
 const HIT_HEAD: u32 = 1 << 31;
-/// A ray misses its own strand over so many radii (shaders/draws.wgsl).
-const CLEAR_RADII: f32 = 4.0;
 
 /// What is gathered, and by what.
 pub struct Gather {

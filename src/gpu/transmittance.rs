@@ -148,14 +148,10 @@ pub struct PointTransmittance {
 
 impl PointTransmittance {
     pub fn new(gpu: &Gpu, stage: &Geometry) -> PointTransmittance {
-        let strands = stage.hair.strands().flat_map(|points| {
-            let own = [points.start as u32, (points.end.max(points.start + 1) - 1) as u32];
-            std::iter::repeat_n(own, points.len())
-        });
         PointTransmittance {
             device: None,
             pipelines: [None, None],
-            strands: strands.collect(),
+            strands: stage.hair.strand_ends(),
             columns: Vec::new(),
             table: Table::new(gpu, stage.hair.points.len()),
             plain: None,

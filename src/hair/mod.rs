@@ -47,6 +47,15 @@ impl Hair {
         self.offsets.windows(2).map(|ends| ends[0] as usize..ends[1] as usize)
     }
 
+    /// First and last point of each point's strand.
+    pub fn strand_ends(&self) -> Vec<[u32; 2]> {
+        let of_strand = |points: Range<usize>| {
+            let ends = [points.start as u32, (points.end.max(points.start + 1) - 1) as u32];
+            std::iter::repeat_n(ends, points.len())
+        };
+        self.strands().flat_map(of_strand).collect()
+    }
+
     /// The points of each strand.
     pub fn polylines(&self) -> impl ExactSizeIterator<Item = &[Vec3]> + Clone {
         self.strands().map(|range| &self.points[range])

@@ -13,7 +13,7 @@ use crate::hair::{Frames, Hair};
 
 /// A ray that starts on a fibre misses its own strand over a path of so many radii: within the fibre, light
 /// is the scattering function's part.
-const CLEAR_RADII: f32 = 4.0;
+pub const CLEAR_RADII: f32 = 4.0;
 
 /// No strand of its own.
 pub const NO_STRAND: u32 = u32::MAX;
