@@ -11,7 +11,7 @@
 
 struct Vertex {
     @builtin(position) clip: vec4f,
-    @location(0) @interpolate(flat) id: u32,    // twice the segment's first point, and whether its fraction runs back
+    @location(0) @interpolate(flat) id: u32,    // the segment's first point; of an odd one the fraction runs back
     @location(1) fraction: vec2f,
 }
 
@@ -42,18 +42,17 @@ fn hair_vertex(@builtin(vertex_index) index: u32) -> Vertex {
     let half_width = 0.5 * view.widened * mix(a.w, b.w, s);
     let offset = select(-half_width, half_width, (index & 1u) == 1u);
     // Back and forth, since a vertex is the end of one segment and the start of the next.
-    let odd = entry & 1u;
     return Vertex(
         view.clip_from_pos * vec4f(center + offset * side, 1.0),
-        first << 1u | odd,
-        vec2f(select(s, 1.0 - s, odd == 1u), 0.0),
+        first,
+        vec2f(select(s, r, (first & 1u) == 1u), 0.0),
     );
 }
 
 @fragment
 fn hair_fragment(in: Vertex) -> @location(0) vec4u {
     let s = select(in.fraction.x, 1.0 - in.fraction.x, (in.id & 1u) == 1u);
-    return encode_seen(HAIR, in.id >> 1u, vec2f(s, 0.0));
+    return encode_seen(HAIR, in.id, vec2f(s, 0.0));
 }
 
 @group(0) @binding(3) var<storage, read> head_positions: array<vec4f>;
