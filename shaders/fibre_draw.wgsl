@@ -8,47 +8,44 @@ struct Drawn {
     weight: vec3f,
 }
 
-// R, TT, TRT, TRRT and all longer paths: energy by the table, energy compensation and tint.
-struct DrawShares {
-    mean: array<f32, 5>,
+// Of R, TT, TRT, TRRT and all longer paths: energy compensation and tint; and the energy of the last.
+struct Lobes {
     factors: array<vec3f, 5>,
-}
-
-// Of a mode by itself, RGB, untinted.
-fn mode_energy(fibre: Fibre, t: u32, cos_path: f32) -> vec3f {
-    let eta = mean_eta(fibre, t);
-    let weights = energy_weights(eta, t, cos_path);
-    return transmitted(weights, f32(t), azimuth_absorption(eta.eta, cos_path), fibre.sigma_a);
+    rest: vec3f,
 }
 
 // `factors` as fast.wgsl's Strand has them.
-fn draw_shares(fibre: Fibre, factors: Modes, theta_o: f32) -> DrawShares {
-    let cos_path = max(cos(theta_o), 0.0);
-    var shares: DrawShares;
-    shares.factors = array(factors.r, factors.tt, factors.trt, factors.longer, factors.longer);
-    for (var t = 0u; t < 4u; t++) {
-        if has_mode(t) {
-            shares.mean[t] = dot(shares.factors[t], mode_energy(fibre, t, cos_path)) / 3.0;
-        }
-    }
+fn draw_lobes(fibre: Fibre, factors: Modes, theta_o: f32) -> Lobes {
+    var lobes: Lobes;
+    lobes.factors = array(factors.r, factors.tt, factors.trt, factors.longer, factors.longer);
     if has_mode(3u) {
-        shares.mean[4] = dot(shares.factors[4], rest_energy(fibre, cos_path)) / 3.0;
+        lobes.rest = rest_energy(fibre, max(cos(theta_o), 0.0));
     }
-    return shares;
+    return lobes;
 }
 
 // By four uniform numbers in [0, 1), for the viewer at θ_o and φ_o, counted from the minor axis of an eccentric fibre.
-fn draw(fibre: Fibre, shares: DrawShares, theta_o: f32, phi_o: f32, u: vec4f) -> Drawn {
+fn draw(fibre: Fibre, lobes: Lobes, theta_o: f32, phi_o: f32, u: vec4f) -> Drawn {
+    // The offset first, then a lobe by what it has there of light at θ_i = −θ_o.
+    let h = clamp(2.0 * u.w - 1.0, -1.0, 1.0);
+    let cos_o = max(cos(theta_o), 0.0);
+    var means: array<f32, 5>;
     var total = 0.0;
-    for (var k = 0u; k < 5u; k++) {
-        total += shares.mean[k];
+    for (var t = 0u; t < 4u; t++) {
+        if has_mode(t) {
+            let own = path_attenuation(fibre, t, h, mean_eta(fibre, t).eta, cos_o);
+            means[t] = max(dot(lobes.factors[t], own) / 3.0, 0.0);
+            total += means[t];
+        }
     }
+    means[4] = max(dot(lobes.factors[4], lobes.rest) / 3.0, 0.0);
+    total += means[4];
     var left = u.x * total;
     var p = 0u;
-    for (; p < 4u && left >= shares.mean[p]; p++) {
-        left -= shares.mean[p];
+    for (; p < 4u && left >= means[p]; p++) {
+        left -= means[p];
     }
-    let share = shares.mean[p];
+    let share = means[p];
     var drawn = Drawn(0.0, 0.0, vec3f());
     for (var there = share > 0.0; there; there = false) {
         let t = min(p, 3u);
@@ -60,7 +57,6 @@ fn draw(fibre: Fibre, shares: DrawShares, theta_o: f32, phi_o: f32, u: vec4f) ->
         if (p == 4u) {
             own = rest_energy(fibre, cos_path);
         } else {
-            let h = clamp(2.0 * u.w - 1.0, -1.0, 1.0);
             // What the choice leaves of its number is as even as the number was.
             let blur = draw_blur(fibre, t) * normal_quantile(left / share);
             var eta = mean_eta(fibre, t).eta;
@@ -71,7 +67,7 @@ fn draw(fibre: Fibre, shares: DrawShares, theta_o: f32, phi_o: f32, u: vec4f) ->
             drawn.phi_i = wrap(phi_o + exit_azimuth(t, h, eta, cos_path) + blur);
             own = path_attenuation(fibre, t, h, eta, cos_path);
         }
-        drawn.weight = max(along.y * total / share * shares.factors[p] * own, vec3f());
+        drawn.weight = max(along.y * total / share * lobes.factors[p] * own, vec3f());
     }
     return drawn;
 }

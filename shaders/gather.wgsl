@@ -33,7 +33,7 @@ struct Gather {
     sky: u32,           // lights that come after the others, to be seen together
     event: u32,         // strands that paths have met
     strands: u32,       // after which the field stands for what comes
-    pad: u32,
+    judged: u32,        // strands after which a trial compares the field with what it goes on to find
 }
 
 @group(1) @binding(0) var<uniform> gather: Gather;
@@ -50,16 +50,18 @@ struct Gather {
 @group(2) @binding(3) var<storage, read> head_radiance: array<vec4f>;   // corner by corner of the head's triangles
 @group(2) @binding(4) var field: texture_3d<f32>;
 @group(2) @binding(5) var field_sampler: sampler;
+@group(2) @binding(7) var correction: texture_3d<f32>;                 // by what the field is to be multiplied
 
 // Fractions of 2³² by which the numbers of a strand go on: for the place and the first direction the roots of x⁶ = x + 1
 // (Roberts 2018), then of square roots of primes.
-const STEPS = array<u32, 12>(3785032106u, 3335640776u, 2939605022u, 2590590015u, 2283013049u, 1779033703u, 3144134277u,
-    1013904242u, 2773480762u, 1359893119u, 2600822924u, 528734635u);
+const STEPS = array<u32, 13>(3785032106u, 3335640776u, 2939605022u, 2590590015u, 2283013049u, 1779033703u, 3144134277u,
+    1013904242u, 2773480762u, 1359893119u, 2600822924u, 528734635u, 1541459225u);
 const ALONG = 0u;
 const FIRST = 1u;
 const LIGHT = 5u;
 const LOBE = 6u;
 const SECOND = 8u;
+const ROULETTE = 12u;
 
 // Number `d` of a path, in [0, 1). `draw`: a sequence, such as a strand's, and a place there. Past the first strand numbers are
 // random.
@@ -101,7 +103,7 @@ fn aim(@builtin(global_invocation_id) id: vec3u) {
     let phi_o = atan2_accurate(o.y, o.x);
     let fibre = fibre_of(point);
     let strand = strand_at(fibre, theta_o);
-    let shares = draw_shares(fibre, strand.factors, theta_o);
+    let lobes = draw_lobes(fibre, strand.factors, theta_o);
     for (var k = 0u; k < gather.paths; k++) {
         let n = vec2u(own.x, (point - own.x) * gather.paths + k);
         // Up to half a segment to either side.
@@ -109,7 +111,7 @@ fn aim(@builtin(global_invocation_id) id: vec3u) {
         let back = (aside < 0.0 && point > own.x) || point == own.y;
         let other = select(min(point + 1u, own.y), max(point, own.x + 1u) - 1u, back);
         let place = mix(here.xyz, strand_points[2u * other].xyz, abs(aside));
-        let drawn = draw(fibre, shares, theta_o, phi_o, numbers(n, FIRST));
+        let drawn = draw(fibre, lobes, theta_o, phi_o, numbers(n, FIRST));
         let direction = direction_at(frame, drawn.theta_i, drawn.phi_i);
         let most = select(0.0, FAR, brightest(drawn.weight) > 0.0);
         paths[id.x * gather.paths + k] = leave(place, 0.5 * here.w, turn.xyz, own, direction, most, drawn.weight, n);
@@ -150,13 +152,18 @@ fn meet(@builtin(global_invocation_id) id: vec3u) {
     if (!first) {
         found = bitcast<vec3f>(hits[all + id.x].xyz);
     }
+    // What it finds from here on is what the field stands for.
+    for (var judged = gather.event == gather.judged; judged; judged = false) {
+        hits[3u * all + id.x] = vec4u(bitcast<vec3u>(found), 0u);
+    }
+    var foretold = vec4u();
     var shadow = path;
     shadow.most = 0.0;
     var onward = shadow;
     let single = (gather.parts & SINGLE) != 0u;
     let multiple = (gather.parts & (GLOBAL | LOCAL)) != 0u;
     let alive = path.most > 0.0;
-    for (var open = alive && hit.x == HIT_NOTHING && select(multiple, single, first); open; open = false) {
+    for (var open = alive && hit.x == HIT_NOTHING && select(multiple, single, first) && gather.event != gather.judged; open; open = false) {
         found += path.weight * sky_along(path.direction);
     }
     for (var skin = alive && multiple && !strand_met && hit.x != HIT_NOTHING; skin; skin = false) {
@@ -185,8 +192,8 @@ fn meet(@builtin(global_invocation_id) id: vec3u) {
         let theta_o = inclination(frame, -path.direction);
         let o = across(frame, -path.direction);
         let strand = strand_at(fibre, theta_o);
-        let shares = draw_shares(fibre, strand.factors, theta_o);
-        let drawn = draw(fibre, shares, theta_o, atan2_accurate(o.y, o.x), numbers(path.draw, SECOND));
+        let lobes = draw_lobes(fibre, strand.factors, theta_o);
+        let drawn = draw(fibre, lobes, theta_o, atan2_accurate(o.y, o.x), numbers(path.draw, SECOND));
         let direction = direction_at(frame, drawn.theta_i, drawn.phi_i);
         let carried = path.weight * drawn.weight;
 
@@ -222,17 +229,33 @@ fn meet(@builtin(global_invocation_id) id: vec3u) {
         }
         shadow = leave(axis_point, radius, u, own, toward.direction, select(0.0, toward.distance, brightest(lit) > 0.0), lit,
             path.draw);
-        for (var beyond = last; beyond; beyond = false) {
-            found += carried * gather.ordinate_share
-                * field_at(gather.grid, field_cell(gather.grid, axis_point), nearest_ordinate(direction));
+        let judged = gather.event + 1u == gather.judged;
+        for (var beyond = last || judged; beyond; beyond = false) {
+            let cell = field_cell(gather.grid, axis_point);
+            let corrected = textureSampleLevel(correction, field_sampler, cell / gather.grid.dims, 0.0).rgb;
+            let tail = carried * gather.ordinate_share * field_at(gather.grid, cell, nearest_ordinate(direction));
+            found += select(vec3f(), tail * corrected, last);
+            let steps = vec3u(cell * CELL_STEPS);
+            foretold = vec4u(bitcast<vec3u>(tail), steps.x | (steps.y << 10u) | (steps.z << 20u));
         }
-        let goes_on = !last && brightest(carried) > 0.0;
-        onward = leave(axis_point, radius, u, own, direction, select(0.0, FAR, goes_on), carried, path.draw);
+        // Of what a trial goes on to find, paths that bring little end by chance.
+        var kept = 1.0;
+        for (var trial = gather.event >= gather.judged; trial; trial = false) {
+            kept = min(1.0, brightest(carried) / brightest(path.weight));
+        }
+        let goes_on = !last && brightest(carried) > 0.0 && number(path.draw, ROULETTE) < kept;
+        onward = leave(axis_point, radius, u, own, direction, select(0.0, FAR, goes_on), carried / max(kept, 1e-6), path.draw);
+    }
+    for (var judged = gather.event + 1u == gather.judged; judged; judged = false) {
+        hits[2u * all + id.x] = foretold;
     }
     paths[id.x] = onward;
     paths[all + id.x] = shadow;
     hits[all + id.x] = vec4u(bitcast<vec3u>(found), 0u);
 }
+
+// Parts of a cell in which a place is told: of 32 cells as 10 bits.
+const CELL_STEPS = 32.0;
 
 fn brightest(rgb: vec3f) -> f32 {
     return max(rgb.x, max(rgb.y, rgb.z));

@@ -28,8 +28,8 @@ fn sum(@builtin(global_invocation_id) id: vec3u) {
     means[seen[sums.first + id.x]] = vec4f(total / f32(sums.paths), 1.0);
 }
 
-// Binomial weights over two points to either side.
-const EVEN = array<f32, 5>(1.0, 4.0, 6.0, 4.0, 1.0);
+// Points to either side that count, the less the farther they are.
+const REACH = 4u;
 
 @compute @workgroup_size(64)
 fn even_out(@builtin(global_invocation_id) id: vec3u) {
@@ -39,11 +39,10 @@ fn even_out(@builtin(global_invocation_id) id: vec3u) {
     let point = seen[sums.first + id.x];
     let own = strand_ends[point];
     var total = vec4f();
-    for (var k = 0u; k < 5u; k++) {
-        let other = point + k;
-        for (var there = other >= own.x + 2u && other <= own.y + 2u; there; there = false) {
-            total += EVEN[k] * means[other - 2u];
-        }
+    let first = max(point, own.x + REACH) - REACH;
+    for (var other = first; other <= min(point + REACH, own.y); other++) {
+        let apart = max(point, other) - min(point, other);
+        total += f32(REACH + 1u - apart) * means[other];
     }
     radiance[point] = vec4f(total.rgb / total.w, 1.0);
 }

@@ -29,8 +29,8 @@ const HEAD_RAYS: f64 = 48.0;
 /// directions, so that their shadows are copies of each other and no noise.
 const WIDE_LAMBDA: f32 = 0.1;
 
-/// Paths that gather light between strands at a point, at 16 samples a pixel.
-const PATHS_PER_POINT: f64 = 16.0;
+/// Paths that gather light between strands at a point, at 64 samples a pixel.
+const PATHS_PER_POINT: f64 = 8.0;
 
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);
@@ -338,7 +338,7 @@ impl LitHair {
     }
 
     /// Sets a method, these lights, what rays find of them at the points, and a field of theirs. `rays`: times as many as
-    /// at 16 samples.
+    /// at 64 samples.
     ///
     /// # Errors
     /// `progress` cancelled it, or the device was lost.

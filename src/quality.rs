@@ -41,7 +41,7 @@ pub struct Settings {
     pub lights: u32,
     /// Of coverage a pixel.
     pub samples: u32,
-    /// For T̃, times as many as are usual at 16 samples.
+    /// For T̃, times as many as are usual at 64 samples.
     pub rays: f64,
     /// `Renderer::negligible`.
     pub negligible: f64,
@@ -50,7 +50,7 @@ pub struct Settings {
 impl Settings {
     /// Those of a scene that asks for no quality.
     pub fn of(scene: &Scene) -> Settings {
-        let samples = scene.render.samples.unwrap_or(16);
+        let samples = scene.render.samples.unwrap_or(64);
         Settings {
             lights: scene.environment.lights.unwrap_or(40),
             samples,
@@ -60,9 +60,9 @@ impl Settings {
     }
 }
 
-/// Rays of a frame, times as many as at 16 samples: they grow with the samples of a pixel, and are never fewer.
+/// Rays of a frame, times as many as at 64 samples: they grow with the samples of a pixel, and are never fewer.
 pub(crate) fn rays_for(samples: u32) -> f64 {
-    f64::from(samples.max(16)) / 16.0
+    f64::from(samples.max(64)) / 64.0
 }
 
 /// What is chosen from.

@@ -1,8 +1,10 @@
 //! The stage: what a scene names, loaded and placed in the world. The real-time frame and the reference both
 //! stand on it.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use glam::{DMat3, DVec3, Vec3};
@@ -10,7 +12,7 @@ use obvhs::ray::Ray;
 
 use crate::environment::{self, LightMeter};
 use crate::hair::groom::GroomOptions;
-use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended, OnHead};
+use crate::hair::{self, Frames, Hair, LoadOptions, LoadedHair, Mended, OnHead, Refined, refine};
 use crate::head::{
     self, Fit, Head, HeadRays, LoadedHead, Placement, Surface, Up, Wanted, check_scale, fit_builtin,
 };
@@ -30,10 +32,19 @@ const METERED: f64 = 1.25;
 const ELSEWHERE: f64 = 0.25;
 const BUILTIN_FITS: f64 = 0.7;
 
+/// Distance between points of refined hair, of the hair's radius.
+const SPACING: f32 = 0.02;
+
+/// Points of refined hair at most: as many as a buffer of WebGPU's default limit, 128 MiB, holds.
+const MOST_POINTS: usize = 4 << 20;
+
 /// Strands and head.
 #[derive(Clone)]
 pub struct Geometry {
+    /// What is lit, drawn and traced.
     pub hair: Hair,
+    /// What it was refined from; None where it is the groom itself.
+    pub refined: Option<Arc<Refined>>,
     pub head: Option<Head>,
     /// Diffuse reflectance of the head, linear RGB.
     pub head_albedo: Vec3,
@@ -84,7 +95,28 @@ impl Geometry {
         };
         notes.extend(assumed.iter().chain(&mended.notes).cloned());
         let head_albedo = scene.head.albedo();
-        Ok(Geometry { mended, notes, head_albedo, ..Geometry::new(hair, head, diameter) })
+        let spacing = SPACING * hair.center_radius().1;
+        let (hair, refined) = match refine(&hair, spacing, MOST_POINTS) {
+            Some((hair, refined)) => (hair, Some(Arc::new(refined))),
+            None => (hair, None),
+        };
+        let stage = Geometry { refined, ..Geometry::new(hair, head, diameter) };
+        Ok(Geometry { mended, notes, head_albedo, ..stage })
+    }
+
+    /// The groom, on whose points paint is.
+    pub fn groom(&self) -> &Hair {
+        self.refined.as_ref().map_or(&self.hair, |refined| &refined.groom)
+    }
+
+    /// Paint of the groom at the points of [`Self::hair`].
+    pub fn at_points<'a>(&self, paint: &'a Paint) -> Cow<'a, Paint> {
+        match &self.refined {
+            Some(refined) if paint.points() == refined.groom.points.len() => {
+                Cow::Owned(paint.between(&refined.places))
+            }
+            _ => Cow::Borrowed(paint),
+        }
     }
 
     /// Strands whose fibres are `diameter` wide at their thickest, and a head.
@@ -99,6 +131,7 @@ impl Geometry {
         let head_albedo = head::CLAY.into();
         let mut stage = Geometry {
             hair,
+            refined: None,
             head,
             head_albedo,
             diameter,
@@ -113,11 +146,14 @@ impl Geometry {
         stage
     }
 
-    /// Gives each point its diameter, under paint of [`Channel::Thickness`] in place of what was painted before;
-    /// that of other hair does not count.
+    /// Gives each point its diameter, under the groom's paint of [`Channel::Thickness`] in place of what was painted
+    /// before; that of other hair does not count.
     pub fn thicken(&mut self, painted: Option<&Layer>) {
         let bare = [1.0, 0.0, 0.0];
-        let painted = painted.filter(|layer| layer.points() == self.hair.points.len());
+        let painted = painted.filter(|layer| layer.points() == self.groom().points.len());
+        let between = painted.zip(self.refined.as_ref());
+        let between = between.map(|(layer, refined)| layer.between(&refined.places));
+        let painted = between.as_ref().or(painted);
         let factor = |point: usize| painted.map_or(1.0, |layer| layer.over(point, bare)[0]);
         let profile = hair::width_profile(&self.hair);
         let diameters = profile.iter().enumerate().map(|(i, w)| w * self.diameter * factor(i));
@@ -131,17 +167,19 @@ impl Geometry {
     pub fn paint(&self, scene: &Scene) -> Result<Option<Paint>> {
         Ok(match scene.hair.paint.as_deref() {
             None => None,
-            Some("colors") => Some(Paint::of_colors(&self.hair).with_context(|| {
+            Some("colors") => Some(Paint::of_colors(self.groom()).with_context(|| {
                 let source = &scene.hair.source;
                 format!("{source}: has no colours of its points: leave out --paint colors")
             })?),
-            Some(path) => Some(Paint::read(Path::new(path), &self.hair)?),
+            Some(path) => Some(Paint::read(Path::new(path), self.groom())?),
         })
     }
 
     /// The scene's fibre at each point, with what is painted over it; errors are those of [`Self::paint`].
     pub fn fibres(&self, scene: &Scene) -> Result<Fibres> {
-        Ok(Fibres::new(&scene.fibre, self.paint(scene)?.as_ref()))
+        let paint = self.paint(scene)?;
+        let paint = paint.as_ref().map(|paint| self.at_points(paint));
+        Ok(Fibres::new(&scene.fibre, paint.as_deref()))
     }
 
     /// The same with `paint` in place of what the scene names, if there is any.
@@ -150,10 +188,10 @@ impl Geometry {
     /// One line: it is of other hair; or those of [`Self::paint`].
     pub fn fibres_under(&self, paint: Option<&Paint>, scene: &Scene) -> Result<Fibres> {
         match paint {
-            Some(paint) if paint.points() != self.hair.points.len() => {
+            Some(paint) if paint.points() != self.groom().points.len() => {
                 bail!("the paint is of other hair: it comes back with it")
             }
-            Some(paint) => Ok(Fibres::new(&scene.fibre, Some(paint))),
+            Some(paint) => Ok(Fibres::new(&scene.fibre, Some(&*self.at_points(paint)))),
             None => self.fibres(scene),
         }
     }

@@ -99,9 +99,34 @@ fn drawn_directions_scatter_as_the_closed_form_does() {
     }
 }
 
+#[test]
+fn draws_of_clear_hair_weigh_alike() {
+    for model in [Model::Marschner, Model::Deon] {
+        let noise = |sigma_a: [f64; 3]| {
+            let fibre = fibre(sigma_a, 7.5, 1.0);
+            let tables = Tables::new(&fibre, model, 4);
+            let fast = Fast::new(&fibre, model, &tables);
+            let count = 1 << 14;
+            let draw = |k: u32| {
+                let [a, b, c, d] = even(k);
+                fast.draw(0.3, 0.4, [a, b, c, d]).map_or(0.0, |one| one.weight[1])
+            };
+            let [sum, squares] =
+                (0..count).map(draw).fold([0.0; 2], |s, w| [s[0] + w, s[1] + w * w]);
+            (f64::from(count) * squares / (sum * sum) - 1.0).sqrt()
+        };
+        let (clear, dark) = (noise([0.0; 3]), noise([0.5, 1.0, 2.0]));
+        println!("{model:?}: standard deviation over mean, clear {clear:.2}, dark {dark:.2}");
+        // A lobe drawn by its energy, before the offset, has 1.5 of clear hair.
+        assert!(clear < 0.3, "{clear}");
+        // The control: of dark hair what is left depends on the offset.
+        assert!(dark > 0.3, "{dark}");
+    }
+}
+
 /// A draw as its weight, and its direction times that: a draw that carries no light has none.
 const DRAW: &str = "let by = factors(fibre, energy_compensation(fibre, x[0].x));
-    let d = draw(fibre, draw_shares(fibre, by, x[0].x), x[0].x, x[0].y, vec4f(x[0].zw, x[1].xy));
+    let d = draw(fibre, draw_lobes(fibre, by, x[0].x), x[0].x, x[0].y, vec4f(x[0].zw, x[1].xy));
     y[0] = vec4f(d.weight, d.weight.x * d.theta_i);
     y[1] = d.weight.x * vec4f(cos(d.phi_i), sin(d.phi_i), 0.0, 0.0);";
 

@@ -563,14 +563,14 @@ fn the_brush_paints_the_front_and_no_more() {
     let places = Places::new(&stage, &lens);
     let painted = |reach: Reach| {
         let brush = Brush { reach, radius: 0.1, falloff: Falloff::Hard, ..Brush::default() };
-        let mut paint = Paint::bare(stage.hair.points.len());
+        let mut paint = Paint::bare(stage.groom().points.len());
         let canvas = Canvas { places: &places, stage: &stage, bare: [1.0; 3] };
-        Stroke::new(&brush, stage.hair.points.len()).to([0.5, 0.3], 1.0, &canvas, &mut paint);
+        Stroke::new(&brush, stage.groom().points.len()).to([0.5, 0.3], 1.0, &canvas, &mut paint);
         let layer = paint.layer(brush.channel).expect("paint");
         let of = |i: usize| layer.at(i).1 > 0.0;
-        let points = (0..stage.hair.points.len()).filter(|&i| of(i));
+        let points = (0..stage.groom().points.len()).filter(|&i| of(i));
         let depth = |i: usize| {
-            (stage.hair.points[i] - stage.center).as_dvec3().dot(lens.forward)
+            (stage.groom().points[i] - stage.center).as_dvec3().dot(lens.forward)
                 / f64::from(stage.radius)
         };
         let (mut front, mut back) = (0, 0);
@@ -655,9 +655,9 @@ fn by_hand_latency() {
         wish.moving = true;
         let stage = Geometry::load(&wish.scene).unwrap();
         for k in 1..=3 {
-            let mut paint = Paint::bare(stage.hair.points.len());
+            let mut paint = Paint::bare(stage.groom().points.len());
             let layer = paint.layer_mut(Channel::Absorption);
-            for point in 0..stage.hair.points.len() {
+            for point in 0..stage.groom().points.len() {
                 layer.set(point, [0.1 * k as f32, 0.5, 0.9], 1.0);
             }
             wish.paint = Some(std::sync::Arc::new(paint));

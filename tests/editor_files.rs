@@ -447,22 +447,22 @@ fn what_cannot_be_written_leaves_what_there_was() {
     // Of a scene and its paint, neither is replaced where one cannot be.
     let stage = Geometry::load(&small()).unwrap();
     let mut document = Document::new(small(), None);
-    document.begin_paint(Paint::bare(stage.hair.points.len()));
+    document.begin_paint(Paint::bare(stage.groom().points.len()));
     std::fs::create_dir(path.with_extension("paint")).unwrap();
     document.scene.fibre.eta = 1.7;
-    let line = format!("{:#}", document.save(&path, Some(&stage.hair)).unwrap_err());
+    let line = format!("{:#}", document.save(&path, Some(stage.groom())).unwrap_err());
     assert!(line.contains("scene.toml") && line.contains("scene.paint"), "{line}");
     assert!(document.changed());
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "as it was");
     let long = folder.path().join("n".repeat(300)).with_extension("toml");
-    let line = format!("{:#}", document.save(&long, Some(&stage.hair)).unwrap_err());
+    let line = format!("{:#}", document.save(&long, Some(stage.groom())).unwrap_err());
     assert!(line.contains("nnn") && line.contains("cannot be written"), "{line}");
     let over = folder.path().join("over.paint");
-    assert!(document.save(&over, Some(&stage.hair)).is_err(), "the paint's own name");
+    assert!(document.save(&over, Some(stage.groom())).is_err(), "the paint's own name");
     assert!(document.changed() && names() == 2);
     // The control: where both can be, both are.
     std::fs::remove_dir(path.with_extension("paint")).unwrap();
-    document.save(&path, Some(&stage.hair)).unwrap();
+    document.save(&path, Some(stage.groom())).unwrap();
     assert!(!document.changed() && path.with_extension("paint").is_file());
     assert_eq!(Document::open(&path).unwrap().scene.fibre.eta, 1.7);
 }

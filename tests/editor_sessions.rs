@@ -107,8 +107,8 @@ impl Session {
         });
         // For who opens paint of another groom.
         let mut foreign = Document::new(small(), None);
-        foreign.begin_paint(Paint::bare(stages[0].0.hair.points.len()));
-        foreign.save(&folder.join("foreign.toml"), Some(&stages[0].0.hair)).unwrap();
+        foreign.begin_paint(Paint::bare(stages[0].0.groom().points.len()));
+        foreign.save(&folder.join("foreign.toml"), Some(stages[0].0.groom())).unwrap();
         std::fs::write(folder.join("bad.toml"), "[fibre]\neta = 9\n").unwrap();
         let mut scene = small();
         // Not beside where tests run: a scene that is kept has its paths whole.
@@ -173,7 +173,7 @@ impl Session {
             ..Brush::default()
         };
         let (stage, places) = &self.stages[self.shown()];
-        let points = stage.hair.points.len();
+        let points = stage.groom().points.len();
         if self.document.paint.is_none() {
             let paint = stage.paint(&self.document.scene).unwrap();
             self.document.begin_paint(paint.unwrap_or(Paint::bare(points)));
@@ -193,7 +193,7 @@ impl Session {
 
     fn save(&mut self) {
         let k = self.random.below(3);
-        let (path, hair) = (self.path(k), &self.stages[self.shown()].0.hair);
+        let (path, hair) = (self.path(k), self.stages[self.shown()].0.groom());
         self.document.save(&path, Some(hair)).unwrap();
         assert!(!self.document.changed());
         let Document { scene, paint, .. } = &self.document;
@@ -233,7 +233,7 @@ impl Session {
             3 => put_file(&mut self.document.scene, &self.folder.join("none.hair")).err(),
             _ => {
                 let under = self.folder.join("bad.toml/scene.toml");
-                self.document.save(&under, Some(&self.stages[self.shown()].0.hair)).err()
+                self.document.save(&under, Some(self.stages[self.shown()].0.groom())).err()
             }
         };
         let line = format!("{:#}", error.expect("refused"));

@@ -1,6 +1,7 @@
 //! Light that paths gather, against path tracing of as many scattering events.
 
 use glam::{DVec3, Vec3};
+use hairlight::field::{Judged, correction};
 use hairlight::gpu::frame::{Background, Parts, Renderer};
 use hairlight::gpu::method::MethodData;
 use hairlight::light::{HairMedium, Lights};
@@ -20,8 +21,8 @@ use hairlight::stage::Geometry;
 use crate::wgsl::cpu;
 
 const ALL: Parts = Parts { single: true, global: true, local: true };
-/// Times as many rays and paths as at 16 samples.
-const RAYS: f64 = 8.0;
+/// Times as many rays and paths as at 64 samples.
+const RAYS: f64 = 6.0;
 const SAMPLES: u32 = 64;
 
 /// A low sun and a sky.
@@ -62,6 +63,12 @@ impl View {
 
     /// A frame; without a field paths meet two strands after the one that is seen.
     fn frame(&self, parts: Parts, with_field: bool) -> Picture {
+        self.frame_of_field(parts, with_field.then_some(1.0))
+    }
+
+    /// The same, of a field that is this much too bright.
+    fn frame_of_field(&self, parts: Parts, too_bright: Option<f32>) -> Picture {
+        let with_field = too_bright.is_some();
         let View { scene, stage, .. } = self;
         let lens = stage.camera(scene).unwrap().lens(stage.center, scene.output.size);
         let fibres = Fibres::new(&scene.fibre, None);
@@ -73,7 +80,10 @@ impl View {
         let lights =
             Lights { lamps: Vec::new(), distant: split_wide(&lights()), sky: sky_of(&lights()) };
         let lit = medium.bring(stage, lights, &points, &|_| true).unwrap();
-        let field = lit.field(stage, &medium, &method, &|_| true).unwrap();
+        let mut field = lit.field(stage, &medium, &method, &|_| true).unwrap();
+        if let Some((field, factor)) = field.as_mut().zip(too_bright) {
+            field.radiance.iter_mut().for_each(|cell| cell.0 *= factor);
+        }
         let (seen, at) = ((&points[..], Some(&head)), (stage, &medium));
         lit.show_at(at, &mut renderer, &method, field.as_ref(), seen, RAYS, &|_| true).unwrap();
         let frame = renderer.render(&lens, SAMPLES, Background::Transparent, parts).unwrap();
@@ -129,6 +139,59 @@ fn paths_bring_what_three_events_scatter() {
         // The control: one event less or more is told apart.
         assert!(others[0] > 1.04 && others[1] < 0.97, "{others:?}");
     }
+}
+
+#[test]
+fn whole_paths_correct_the_field() {
+    let view = View::new("white", false);
+    let [frame, wrong] = [1.0, 2.0].map(|factor| view.frame_of_field(ALL, Some(factor)));
+    let bare = view.frame(ALL, false);
+    let truth = view.truth(u32::MAX, 128);
+    let error = compare(&frame, &truth).unwrap().error();
+    let [mean, cancelled, control] =
+        [(&frame, &truth), (&wrong, &frame), (&bare, &frame)].map(|(a, b)| ratio(a, b));
+    println!(
+        "{:.1} % off, mean {mean:.3}; with a field twice as bright {cancelled:.3}, without one {control:.3}",
+        100.0 * error
+    );
+    assert!(error < 0.1 && (mean - 1.0).abs() < 0.03, "{error} {mean}");
+    assert!((cancelled - 1.0).abs() < 0.01, "{cancelled}");
+    // The control: that light is a good part of a frame.
+    assert!(control < 0.9, "{control}");
+}
+
+#[test]
+fn a_correction_says_what_was_found_over_what_was_foretold() {
+    let dims = [16, 12, 8];
+    let place = |i: usize| {
+        let at = |a: f64| (i as f64 * a).fract() as f32;
+        Vec3::new(at(0.819_172) * 16.0, at(0.671_044) * 12.0, at(0.549_700) * 8.0)
+    };
+    let factor = |cell: Vec3| if cell.x < 8.0 { 0.5 } else { 2.0 };
+    let judged = |i: usize| {
+        let (cell, foretold) = (place(i), Vec3::new(1.0, 2.0, 3.0));
+        Judged { cell, foretold, found: factor(cell) * foretold }
+    };
+    let all: Vec<Judged> = (0..20_000).map(judged).collect();
+    let (coarse, texels) = correction(dims, &all);
+    assert_eq!(coarse, [4, 3, 2]);
+    for (i, texel) in texels.iter().enumerate() {
+        let [r, g, b, _] = texel.map(|bits| half::f16::from_bits(bits).to_f32());
+        assert!((r - g).abs() < 1e-2 && (r - b).abs() < 1e-2, "{r} {g} {b}");
+        // Cells at the step have some of both.
+        match i % 4 {
+            0 => assert!((r - 0.5).abs() < 0.1, "{r}"),
+            3 => assert!((r - 2.0).abs() < 0.1, "{r}"),
+            _ => assert!((0.5..2.0).contains(&r), "{r}"),
+        }
+    }
+    // Where nothing is known nothing changes; a cell without paths has what the others have.
+    let (_, none) = correction(dims, &[]);
+    assert!(none.iter().all(|texel| texel[0] == half::f16::ONE.to_bits()));
+    let low: Vec<Judged> = all.iter().copied().filter(|one| one.cell.z < 2.0).collect();
+    let (_, texels) = correction([16, 12, 16], &low);
+    let far = half::f16::from_bits(texels[texels.len() - 1][0]).to_f32();
+    assert!((far - 1.25).abs() < 0.05, "{far}");
 }
 
 #[test]

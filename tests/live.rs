@@ -38,7 +38,7 @@ type Edit<'a> = (&'a str, &'a dyn Fn(&mut Wish));
 #[test]
 fn an_edited_scene_is_seen_as_if_it_had_always_been_so() {
     let wish = Wish::new(small(), [96, 96]);
-    let points = Geometry::load(&wish.scene).unwrap().hair.points.len();
+    let points = Geometry::load(&wish.scene).unwrap().groom().points.len();
     let edits: [Edit; 9] = [
         ("another camera", &|wish| {
             let orbit = Orbit { azimuth_deg: 80.0, ..Orbit::default() };

@@ -36,6 +36,7 @@ mod reference_integral;
 mod reference_marschner;
 mod reference_models;
 mod reference_tracer;
+mod refine;
 mod scattering;
 mod scene;
 mod smooth_head;

@@ -49,7 +49,8 @@ fn cover(paint: &mut Paint, channel: Channel, fibre: &Fibre, points: impl Iterat
 
 /// Writes paint that makes the whole groom of `of` into its fibre.
 fn write_cover(path: &Path, of: &Scene, channels: &[Channel]) {
-    let hair = Geometry::load(of).unwrap().hair;
+    let stage = Geometry::load(of).unwrap();
+    let hair = stage.groom();
     let mut paint = Paint::bare(hair.points.len());
     for &channel in channels {
         cover(&mut paint, channel, &of.fibre.resolve(), 0..hair.points.len());
@@ -68,7 +69,8 @@ fn apart(folder: &Path, frame: &str, truth: &str) -> (f64, f64) {
 fn a_file_reads_back_and_is_refused_where_it_does_not_belong() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("hair.paint");
-    let hair = Geometry::load(&scene(&[])).unwrap().hair;
+    let stage = Geometry::load(&scene(&[])).unwrap();
+    let hair = stage.groom();
     let mut paint = Paint::bare(hair.points.len());
     for (i, channel) in Channel::ALL.into_iter().enumerate() {
         let layer = paint.layer_mut(channel);
@@ -129,11 +131,11 @@ fn painted_thickness_is_diameter() {
     let folder = tempdir().unwrap();
     let path = folder.path();
     let stage = Geometry::load(&scene(&[])).unwrap();
-    let points = stage.hair.points.len();
+    let points = stage.groom().points.len();
     let mut paint = Paint::bare(points);
     let layer = paint.layer_mut(Channel::Thickness);
     (0..points).for_each(|point| layer.set(point, [2.0; 3], 1.0));
-    paint.write(&path.join("thick.paint"), &stage.hair).unwrap();
+    paint.write(&path.join("thick.paint"), stage.groom()).unwrap();
     let [once, twice] = [1.0, 2.0].map(|k| format!("fibre.diameter={}", k * stage.diameter));
     let frame = |name: &str, more: &[&str]| {
         captured(path, &[&LOOK[..], more, &["-o", name]].concat());
@@ -335,7 +337,8 @@ fn tints_are_of_painted_hair_too() {
 fn a_painted_frame_is_as_near_to_its_truth_as_an_even_one() {
     let folder = tempdir().unwrap();
     let path = folder.path();
-    let hair = Geometry::load(&scene(&[])).unwrap().hair;
+    let stage = Geometry::load(&scene(&[])).unwrap();
+    let hair = stage.groom();
     let mut paint = Paint::bare(hair.points.len());
     for strand in hair.strands() {
         let count = strand.len() as f32 - 1.0;
@@ -387,11 +390,11 @@ fn by_hand_cost_of_paint() {
     let lights = shaded_lights(&fit.lights, &scene);
     let of = |channels: &[Channel]| {
         let mut fibres = Fibres::new(&scene.fibre, None);
-        let mut paint = Paint::bare(stage.hair.points.len());
+        let mut paint = Paint::bare(stage.groom().points.len());
         let begun = Instant::now();
         for &channel in channels {
             let layer = paint.layer_mut(channel);
-            for point in 0..stage.hair.points.len() {
+            for point in 0..stage.groom().points.len() {
                 let t = (point % 26) as f32 / 25.0;
                 let value = match channel {
                     Channel::Absorption => [0.2 + 0.6 * t, 0.3 + 0.7 * t, 0.4 + 0.9 * t],
@@ -405,7 +408,7 @@ fn by_hand_cost_of_paint() {
             }
         }
         if !channels.is_empty() {
-            fibres.repaint(&paint);
+            fibres.repaint(&stage.at_points(&paint));
         }
         (fibres, 1e3 * begun.elapsed().as_secs_f64())
     };
@@ -441,7 +444,7 @@ fn by_hand_cost_of_paint() {
         println!(
             "{name}: {} points painted in {stroke_ms:.0} ms, tables {tables_ms:.0} ms, field {field_ms:.0} ms, \
              shading {:.2} of an even one's ({best:.0} ms)",
-            stage.hair.points.len(),
+            stage.groom().points.len(),
             best / even
         );
     }

@@ -449,7 +449,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             sky,
             event,
             strands,
-            pad
+            judged
         ]
     );
     same!(Shaders::default().cast(), "Cast", CastUniform, [count, pad, head]);

@@ -151,7 +151,7 @@ impl Places {
             let y = to.dot(lens.up) / (lens.up.length_squared() * depth);
             [0.5 * (1.0 + x) * width, 0.5 * (1.0 - y) * height, depth].map(|v| v as f32)
         };
-        let points = &stage.hair.points;
+        let points = &stage.groom().points;
         let seen_at = |sign: Vec3| -> Vec<[f32; 3]> {
             points.par_iter().map(|&p| place(sign * (p - stage.center))).collect()
         };
@@ -347,7 +347,7 @@ fn over(there: [f32; 3], weight: f32, value: [f32; 3], amount: f32) -> ([f32; 3]
 
 /// Every point of the strands that are touched, with the greatest share of any.
 fn whole_strands(stage: &Geometry, touched: &[(usize, f32)]) -> Vec<(usize, f32)> {
-    let offsets = &stage.hair.offsets;
+    let offsets = &stage.groom().offsets;
     let mut all: Vec<(usize, f32)> = Vec::new();
     let mut k = 0;
     while k < touched.len() {
@@ -365,7 +365,7 @@ fn whole_strands(stage: &Geometry, touched: &[(usize, f32)]) -> Vec<(usize, f32)
 
 /// Multiplies each share by what a gradient from root to tip has there.
 fn along_strands(stage: &Geometry, touched: &mut [(usize, f32)], [root, tip]: [f32; 2]) {
-    let offsets = &stage.hair.offsets;
+    let offsets = &stage.groom().offsets;
     for (i, share) in touched {
         let strand = offsets.partition_point(|&first| first as usize <= *i) - 1;
         let (first, end) = (offsets[strand] as usize, offsets[strand + 1] as usize);

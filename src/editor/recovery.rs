@@ -114,7 +114,7 @@ impl Set {
                     Some((_, name)) => PAINTS[usize::from(name == PAINTS[0])].to_owned(),
                     None => PAINTS[0].to_owned(),
                 };
-                paint.write(&self.folder.join(&name), &stage.hair)?;
+                paint.write(&self.folder.join(&name), stage.groom())?;
                 Some((paint.clone(), name))
             }
         };

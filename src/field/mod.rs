@@ -18,6 +18,7 @@
 //! 5×5 blocks, white and blond sintel and builtin bob under three maps), and 5 to 14 % on 64. Ordinates add to that:
 //! see [`crate::srbf::ORDINATES`].
 
+mod correction;
 mod exchange;
 mod grid;
 mod palette;
@@ -26,6 +27,7 @@ mod solve;
 use glam::{Vec3, Vec3A};
 use half::f16;
 
+pub use correction::{Judged, correction};
 pub use grid::Grid;
 pub use palette::Palette;
 pub use solve::{Lit, solve};

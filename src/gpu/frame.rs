@@ -120,6 +120,8 @@ pub struct Sight {
     lens: Lens,
     sampling: Sampling,
     work: Work,
+    /// The segments that are seen, where frames draw them again.
+    ribbons: Option<Ribbons>,
     /// Strand points that its frames need, each once.
     pub points: Vec<u32>,
     /// What they show of the head.
@@ -152,6 +154,16 @@ fn strand_points(device: &wgpu::Device, stage: &Geometry) -> wgpu::Buffer {
     storage(device, "strand points", bytemuck::cast_slice(&data))
 }
 
+/// Mean of length times width.
+fn segment_area(stage: &Geometry, segments: &[u32]) -> f64 {
+    let Geometry { hair, diameters, .. } = stage;
+    let area = |&first: &u32| {
+        let i = first as usize;
+        f64::from(hair.points[i].distance(hair.points[i + 1]) * diameters[i])
+    };
+    segments.iter().map(area).sum::<f64>() / segments.len().max(1) as f64
+}
+
 /// Pipelines that no method changes.
 struct Fixed {
     hair: wgpu::RenderPipeline,
@@ -182,8 +194,9 @@ pub struct Renderer {
     pub gpu: Gpu,
     points: u32,
     center: Vec3,
-    /// First point of every segment.
+    /// First point of every segment; and the mean of their lengths times widths, world units squared.
     every_segment: Vec<u32>,
+    segment_area: f64,
     /// Strand of every point; of so many strands one is drawn, as much wider.
     strand_of: Vec<u32>,
     thinning: u32,
@@ -265,6 +278,7 @@ impl Renderer {
             drawn: segments.clone(),
             pieces: 1,
             ribbons: None,
+            segment_area: segment_area(stage, &segments),
             every_segment: segments,
             strand_of,
             strand_points,
@@ -306,6 +320,7 @@ impl Renderer {
     /// The same strands with other diameters.
     pub fn set_diameters(&mut self, stage: &Geometry) {
         self.strand_points = strand_points(&self.gpu.device, stage);
+        self.segment_area = segment_area(stage, &self.every_segment);
         self.traced.forget();
     }
 
@@ -383,7 +398,8 @@ impl Renderer {
     /// What is seen of the segments that are drawn, by lenses of one size.
     fn find_all(&mut self, lenses: &[Lens], samples: u32) -> Result<(Work, Sampling, PassTimer)> {
         let size = lenses.first().map_or([1; 2], |lens| lens.size);
-        let (work, sampling) = self.begin(size, samples)?;
+        let look = lenses.iter().map(|lens| self.look_samples(lens)).max().unwrap_or(samples);
+        let (work, sampling) = self.begin(size, [samples, look])?;
         let mark = self.bind_at(
             &self.fixed.mark,
             &[
@@ -395,10 +411,12 @@ impl Renderer {
         );
         let mut timer = PassTimer::new(&self.gpu);
         for lens in lenses.iter().flat_map(bands) {
-            for pass in 0..sampling.passes {
+            for pass in 0..sampling.looks {
                 let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
                 let view = self.view(&lens, Background::Transparent, sampling, pass);
-                self.raster(&mut encoder, timer.render("raster"), &work, &view);
+                if let Some(ribbons) = &self.ribbons {
+                    self.raster(&mut encoder, timer.render("raster"), &work, (&view, ribbons));
+                }
                 let mut compute = begin(&mut encoder, "mark", timer.compute("mark"));
                 compute.set_pipeline(&self.fixed.mark);
                 compute.set_bind_group(0, &mark, &[]);
@@ -425,13 +443,33 @@ impl Renderer {
         self.sight(lens, samples)
     }
 
+    /// Samples a pixel that find what is seen: most segments are met several times, and a segment between two that are seen is
+    /// drawn too.
+    fn look_samples(&self, lens: &Lens) -> u32 {
+        const HITS: f64 = 8.0;
+        const LEAST: f64 = 16.0;
+        let pixels = lens.pixels_per_unit() / lens.distance;
+        let area = self.segment_area * pixels * pixels * f64::from(self.thinning);
+        (HITS / area.max(1e-6)).max(LEAST) as u32
+    }
+
     /// What is seen of the segments that are drawn, by a lens of one band.
     fn sight(&mut self, lens: &Lens, samples: u32) -> Result<Sight> {
         let (work, sampling, timer) = self.find_all(&[*lens], samples)?;
         let points = work.listed(&self.gpu)?;
         let head = work.head(&self.gpu, &[*lens], sampling)?;
         let passes = timer.read(&self.gpu)?;
-        Ok(Sight { lens: *lens, sampling, work, points, head, passes })
+        let ribbons = (sampling.passes > 1).then(|| self.ribbons_between(&points));
+        Ok(Sight { lens: *lens, sampling, work, ribbons, points, head, passes })
+    }
+
+    /// The segments that are drawn of which `points` has both ends.
+    fn ribbons_between(&self, points: &[u32]) -> Ribbons {
+        let mut seen = vec![false; self.points as usize];
+        points.iter().for_each(|&point| seen[point as usize] = true);
+        let ends = |&first: &u32| seen[first as usize] && seen[first as usize + 1];
+        let segments: Vec<u32> = self.drawn.iter().copied().filter(ends).collect();
+        Ribbons::new(&self.gpu.device, &segments, self.pieces)
     }
 
     /// The frame of what `sight` saw, in the light that is set at its points, as [`Self::render`] makes it. `go_on` is
@@ -443,8 +481,7 @@ impl Renderer {
         parts: Parts,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Option<Frame>> {
-        let Sight { lens, sampling, work, points, passes, .. } = sight;
-        self.make_ribbons();
+        let Sight { lens, sampling, work, ribbons, points, passes, .. } = sight;
         let mut timer = PassTimer::new(&self.gpu);
         let begun = Instant::now();
         let Some(gathered) = self.gather(sight, parts, go_on)? else { return Ok(None) };
@@ -460,8 +497,8 @@ impl Renderer {
         for pass in 0..sampling.passes {
             let view = self.view(lens, background, *sampling, pass);
             // What one pass saw is there still.
-            if sampling.passes > 1 {
-                self.raster(&mut encoder, timer.render("raster"), work, &view);
+            if let Some(ribbons) = ribbons {
+                self.raster(&mut encoder, timer.render("raster"), work, (&view, ribbons));
             }
             self.resolve(&mut encoder, &mut timer, work, &view);
             if pass + 1 == sampling.passes {
@@ -567,7 +604,7 @@ impl Renderer {
     }
 
     /// Sets lamps and lights (world frame, exposure included); their T̃ is to follow, by [`Self::trace`] or
-    /// [`Self::upload`]. `rays`: times as many as at 16 samples.
+    /// [`Self::upload`]. `rays`: times as many as at 64 samples.
     ///
     /// Comes after [`Self::set_method`], which says how many lights a pass may sum, and before [`Self::set_field`].
     pub fn set_lights(
@@ -862,7 +899,8 @@ impl Renderer {
             let mut pipelines = self.gather_pipelines.take();
             let places = self.head.places(stage);
             let scene = self.gather_scene(parts);
-            let gathered = gather.at_head(&scene, &mut pipelines, &places, go_on);
+            let near = self.head.seen_vertices(seen);
+            let gathered = gather.at_head(&scene, &mut pipelines, (&places, &near), go_on);
             self.gather_pipelines = pipelines;
             if let Ok(Some(gathered)) = &gathered {
                 let (_, distant, _) = &self.to_trace;
@@ -1007,7 +1045,7 @@ impl Renderer {
     }
 
     /// Checks the size against the adapter and makes the buffers of a frame's tallest band.
-    fn begin(&mut self, size: [u32; 2], samples: u32) -> Result<(Work, Sampling)> {
+    fn begin(&mut self, size: [u32; 2], samples: [u32; 2]) -> Result<(Work, Sampling)> {
         let edge = self.gpu.device.limits().max_texture_dimension_2d;
         let [width, height] = size;
         ensure!(
@@ -1103,7 +1141,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites>,
         work: &Work,
-        view: &PassView,
+        (view, ribbons): (&PassView, &Ribbons),
     ) {
         let device = &self.gpu.device;
         let mut raster = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -1144,7 +1182,7 @@ impl Renderer {
             raster.set_bind_group(0, &group, &[]);
             raster.draw(0..self.head.corner_count, 0..1);
         }
-        if let Some(ribbons) = self.ribbons.as_ref().filter(|ribbons| ribbons.count > 0) {
+        if ribbons.count > 0 {
             let layout = self.fixed.hair.get_bind_group_layout(0);
             let group =
                 bind(device, &layout, &[&view.uniform, &self.strand_points, &ribbons.segments]);
@@ -1316,7 +1354,7 @@ impl Work {
     /// What was seen of the head so far.
     fn head(&self, gpu: &Gpu, lenses: &[Lens], sampling: Sampling) -> Result<SeenHead> {
         let seen: Vec<u32> = gpu.read(&self.head_seen)?;
-        let a_pixel = sampling.passes * sampling.grid * sampling.grid * SAMPLES_PER_TEXEL;
+        let a_pixel = sampling.looks * sampling.grid * sampling.grid * SAMPLES_PER_TEXEL;
         let pixels = seen.into_iter().map(|samples| samples as f32 / a_pixel as f32).collect();
         let pixel = |lens: &Lens| {
             (2.0 * lens.right.length() * lens.eye.length()) as f32 / lens.size[0] as f32
@@ -1337,16 +1375,21 @@ impl Work {
 struct Sampling {
     grid: u32,
     passes: u32,
+    /// Passes that look for what is seen: all others draw that alone.
+    looks: u32,
 }
 
 impl Sampling {
     /// A pass costs as much for its vertices as for its samples, so sixteen samples are best taken at once,
     /// as long as the visibility buffer (48 bytes a texel) stays within 256 MiB.
-    fn new(samples: u32, size: [u32; 2], edge: u32) -> Sampling {
+    ///
+    /// `look`: samples that find what is seen.
+    fn new([samples, look]: [u32; 2], size: [u32; 2], edge: u32) -> Sampling {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let fits = 4 * 48 * pixels <= 256 << 20 && size.iter().all(|&s| 2 * s <= edge);
         let grid = if samples >= 4 * SAMPLES_PER_TEXEL && fits { 2 } else { 1 };
-        Sampling { grid, passes: samples.div_ceil(grid * grid * SAMPLES_PER_TEXEL).max(1) }
+        let passes = |samples: u32| samples.div_ceil(grid * grid * SAMPLES_PER_TEXEL).max(1);
+        Sampling { grid, passes: passes(samples), looks: passes(look.min(samples)) }
     }
 }
 

@@ -3,11 +3,13 @@
 //! Scattering is evaluated on the device. Rays are cast there too, but for a CPU's adapter, on which the CPU itself casts them
 //! (see `transmittance`).
 
+use std::cell::Cell;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
 use anyhow::Result;
 use glam::{Vec3, Vec4};
+use half::f16;
 use rayon::prelude::*;
 
 use super::Gpu;
@@ -15,10 +17,12 @@ use super::method::{Integrator, MethodData};
 use super::resources::*;
 use super::transmittance::PointTransmittance;
 use super::uniforms::{CastUniform, FieldGrid, GatherSumUniform, GatherUniform, HeadPlace, Path};
+use crate::field::{Judged, correction};
 use crate::reference::tracer::strands::{CLEAR_RADII, StrandRay};
 use crate::reference::transmittance::{Met, StrandRays};
 use crate::srbf::ORDINATES;
 use crate::stage::Geometry;
+use crate::transport::draws::hashed;
 
 /// Paths between two looks at whether to go on: 0.1 s on two cores.
 const PATHS_PER_BATCH: usize = 1 << 16;
@@ -28,8 +32,12 @@ const PATHS_PER_BATCH: usize = 1 << 16;
 /// 6.7 %, blond under studio 8.1, 5.1, 4.7 and 5.6 %.
 const STRANDS_OF_POINTS: u32 = 2;
 
-/// Paths of a place on the head, of which the builtin one has 16,200; neighbours even them out.
-const PATHS_PER_PLACE: u32 = 48;
+/// Paths of a place on the head that is seen, and of another, whose light strands alone have; neighbours even them out.
+const PATHS_PER_PLACE: [u32; 2] = [48, 8];
+
+/// One of so many paths is whole: it goes on to so many strands, and corrects the field.
+const PATHS_PER_TRIAL: usize = 8;
+const STRANDS_OF_TRIALS: u32 = 32;
 
 /// As shaders/paths.wgsl has them.
 const HIT_NOTHING: u32 = u32::MAX;
@@ -99,7 +107,7 @@ impl Layouts {
             points: of(&[(0, Uniform), (1, Read), (2, Read), (3, Write), (4, Uint2d)]),
             aim: of(&[(0, Read)]),
             aim_head: of(&[(6, Read)]),
-            meet: of(&[(1, Write), (2, Read), (3, Read), (4, Float3d), (5, Sampler)]),
+            meet: of(&[(1, Write), (2, Read), (3, Read), (4, Float3d), (5, Sampler), (7, Float3d)]),
         }
     }
 }
@@ -205,7 +213,15 @@ impl Gather {
         let means = storage_of(device, "gathered", 16 * scene.strand_of.len() as u64);
         let origins = Origins::Points(eye, points);
         let paths = self.paths_per_point();
-        if !self.collect(scene, pipelines, paths, (&origins, &seen), &means, go_on)? {
+        let Some(correction) = self.correct_field(scene, pipelines, (eye, points), go_on)? else {
+            return Ok(false);
+        };
+        let ask = Ask { paths, strands: STRANDS_OF_POINTS, judged: u32::MAX };
+        let into = Some(&means);
+        if self
+            .collect(scene, pipelines, ask, (&origins, &seen), &correction, into, go_on)?
+            .is_none()
+        {
             return Ok(false);
         }
         let count = points.len() as u32;
@@ -224,8 +240,8 @@ impl Gather {
         Ok(true)
     }
 
-    /// Irradiance that `places` on the head have from the sky, from strands and from the head, linear RGB; None where
-    /// `go_on` said no.
+    /// Irradiance that `places` on the head, those that are `seen` or not, have from the sky, from strands and from the head,
+    /// linear RGB; None where `go_on` said no.
     ///
     /// # Errors
     /// The device was lost.
@@ -233,7 +249,7 @@ impl Gather {
         &self,
         scene: &GatherScene,
         known: &mut Option<GatherPipelines>,
-        places: &[HeadPlace],
+        (places, seen): (&[HeadPlace], &[bool]),
         go_on: &dyn Fn() -> bool,
     ) -> Result<Option<Vec<Vec3>>> {
         if places.is_empty() || scene.light_count == 0 {
@@ -242,33 +258,82 @@ impl Gather {
         let before = known.take();
         let pipelines = &*known.insert(GatherPipelines::new(before, scene));
         let device = &scene.gpu.device;
-        let all: Vec<u32> = (0..places.len() as u32).collect();
-        let all = storage(device, "places", bytemuck::cast_slice(&all));
         let means = storage_of(device, "gathered", 16 * places.len() as u64);
-        let origins = Origins::Head(places);
-        if !self.collect(scene, pipelines, PATHS_PER_PLACE, (&origins, &all), &means, go_on)? {
-            return Ok(None);
+        let even = self.no_correction(scene);
+        for (shown, paths) in [true, false].into_iter().zip(PATHS_PER_PLACE) {
+            let of = |&i: &u32| seen[i as usize] == shown;
+            let some: Vec<u32> = (0..places.len() as u32).filter(of).collect();
+            let list = storage(device, "places", bytemuck::cast_slice(&some));
+            let places: Vec<HeadPlace> = some.iter().map(|&i| places[i as usize]).collect();
+            let origins = Origins::Head(&places);
+            let ask = Ask { paths, strands: 1, judged: u32::MAX };
+            let into = Some(&means);
+            let done =
+                self.collect(scene, pipelines, ask, (&origins, &list), &even, into, go_on)?;
+            if done.is_none() {
+                return Ok(None);
+            }
         }
         let means: Vec<Vec4> = scene.gpu.read(&means)?;
         Ok(Some(means.into_iter().map(|mean| PI * mean.truncate()).collect()))
     }
 
-    /// Writes the mean over the paths of each origin to `means`, at the places that `list` has.
+    /// By what the field is to be multiplied where paths from `points` end in it: found by some that go on. None where
+    /// `go_on` said no.
+    fn correct_field(
+        &self,
+        scene: &GatherScene,
+        pipelines: &GatherPipelines,
+        (eye, points): (Vec3, &[u32]),
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Option<wgpu::TextureView>> {
+        let even = self.no_correction(scene);
+        let Some((grid, _)) = scene.field.2 else { return Ok(Some(even)) };
+        // Those of a smaller share are among those of a larger one, whatever is seen.
+        let paths = self.paths_per_point() as usize;
+        let sparse = PATHS_PER_TRIAL.div_ceil(paths).next_power_of_two().ilog2();
+        let mut some: Vec<u32> = points.to_vec();
+        some.retain(|&point| hashed(point).trailing_zeros() >= sparse);
+        some.sort_unstable();
+        let list = storage(&scene.gpu.device, "trials", bytemuck::cast_slice(&some));
+        let paths = (paths / PATHS_PER_TRIAL).max(1) as u32;
+        let ask = Ask { paths, strands: STRANDS_OF_TRIALS, judged: STRANDS_OF_POINTS };
+        let origins = Origins::Points(eye, &some);
+        let judged = self.collect(scene, pipelines, ask, (&origins, &list), &even, None, go_on)?;
+        let Some(judged) = judged else { return Ok(None) };
+        let dims = grid.dims.to_array().map(|n| n as usize);
+        let (dims, texels) = correction(dims, &judged);
+        Ok(Some(volume_texture(scene.gpu, "correction", dims, &texels)))
+    }
+
+    fn no_correction(&self, scene: &GatherScene) -> wgpu::TextureView {
+        volume_texture(scene.gpu, "correction", [1; 3], &[[f16::ONE.to_bits(); 4]])
+    }
+
+    /// Writes the mean over the paths of each origin to `means`, at the places that `list` has. What the field is judged by,
+    /// path by path, where that is asked for; None where `go_on` said no.
+    #[allow(clippy::too_many_arguments)]
     fn collect(
         &self,
         scene: &GatherScene,
         pipelines: &GatherPipelines,
-        paths: u32,
+        ask: Ask,
         (origins, list): (&Origins, &wgpu::Buffer),
-        means: &wgpu::Buffer,
+        correction: &wgpu::TextureView,
+        means: Option<&wgpu::Buffer>,
         go_on: &dyn Fn() -> bool,
-    ) -> Result<bool> {
+    ) -> Result<Option<Vec<Judged>>> {
+        let Ask { paths, strands, judged } = ask;
+        let mut all_judged = Vec::new();
         let Gpu { device, queue, .. } = scene.gpu;
         let layouts = &pipelines.layouts;
         let (eye, origin_count) = match origins {
             Origins::Points(eye, points) => (*eye, points.len()),
             Origins::Head(places) => (Vec3::ZERO, places.len()),
         };
+        if origin_count == 0 {
+            return Ok(Some(all_judged));
+        }
         let (aim, of_aim) = match origins {
             Origins::Points(..) => {
                 (&pipelines.aim, group(device, &layouts.aim, &[buffer(0, list)]))
@@ -279,24 +344,21 @@ impl Gather {
                 (&pipelines.aim_head, bound)
             }
         };
-        let strands = match origins {
-            Origins::Points(..) => STRANDS_OF_POINTS,
-            Origins::Head(..) => 1,
-        };
         let per_batch = (PATHS_PER_BATCH / paths as usize).max(64);
         let most = (per_batch.min(origin_count) * paths as usize) as u64;
         let slots = storage_of(device, "paths", 2 * size_of::<Path>() as u64 * most);
-        let hits = storage_of(device, "hits", 2 * 16 * most);
+        let kinds = if judged < strands { 4 } else { 2 };
+        let hits = storage_of(device, "hits", kinds * 16 * most);
         let scattering = scattering_group(scene, pipelines);
-        let of_meet = self.meet_group(scene, pipelines, &hits);
+        let of_meet = self.meet_group(scene, pipelines, correction, &hits);
         for first in (0..origin_count).step_by(per_batch) {
             if !go_on() {
-                return Ok(false);
+                return Ok(None);
             }
             let count = per_batch.min(origin_count - first);
             let at = [first as u32, count as u32];
             let of_points = |event: u32| {
-                let uniform = uniform(scene, paths, eye, at, [event, strands]);
+                let uniform = uniform(scene, ask, eye, at, event);
                 group(
                     device,
                     &layouts.points,
@@ -310,7 +372,8 @@ impl Gather {
                 )
             };
             let all = count as u32 * paths;
-            let batch = Batch { scene, pipelines, paths: &slots, hits: &hits, count: all };
+            let over = Cell::new(false);
+            let batch = Batch { scene, pipelines, paths: &slots, hits: &hits, count: all, over };
             let mut encoder = device.create_command_encoder(&Default::default());
             let groups = [&scattering, &of_points(0), &of_aim];
             dispatch(&mut encoder, "aim", aim, &groups, count as u32);
@@ -319,21 +382,32 @@ impl Gather {
                 let groups = [&scattering, &of_points(event), &of_meet];
                 dispatch(&mut encoder, "meet", &pipelines.meet, &groups, all);
                 encoder = batch.cast(encoder, Cast::Any, self.rays.as_deref())?;
+                if batch.over.get() {
+                    break;
+                }
             }
-            let sums = sum_uniform(device, paths, at);
-            let bound = [buffer(0, &sums), buffer(1, list), buffer(3, &hits), buffer(4, means)];
-            let bound = group(device, &pipelines.sum.get_bind_group_layout(0), &bound);
-            dispatch(&mut encoder, "gather sum", &pipelines.sum, &[&bound], count as u32);
+            if let Some(means) = means {
+                let sums = sum_uniform(device, paths, at);
+                let bound = [buffer(0, &sums), buffer(1, list), buffer(3, &hits), buffer(4, means)];
+                let bound = group(device, &pipelines.sum.get_bind_group_layout(0), &bound);
+                dispatch(&mut encoder, "gather sum", &pipelines.sum, &[&bound], count as u32);
+            }
             queue.submit([encoder.finish()]);
             scene.gpu.wait()?;
+            if judged < strands {
+                let all = u64::from(all);
+                let hits: Vec<[u32; 4]> = scene.gpu.read_part(&hits, 16 * all, 3 * 16 * all)?;
+                all_judged.extend(judged_of(&hits));
+            }
         }
-        Ok(true)
+        Ok(Some(all_judged))
     }
 
     fn meet_group(
         &self,
         scene: &GatherScene,
         pipelines: &GatherPipelines,
+        correction: &wgpu::TextureView,
         hits: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
         let (field, field_sampler, _) = scene.field;
@@ -343,17 +417,46 @@ impl Gather {
             buffer(3, &self.head_radiance),
             texture(4, field),
             sampler(5, field_sampler),
+            texture(7, correction),
         ];
         group(&scene.gpu.device, &pipelines.layouts.meet, &bound)
     }
 }
 
+/// How paths go.
+#[derive(Clone, Copy)]
+struct Ask {
+    /// From each origin.
+    paths: u32,
+    /// That they meet at most.
+    strands: u32,
+    /// After which the field is compared with what a path goes on to find.
+    judged: u32,
+}
+
+/// Of the hits of second slots and the two kinds after them, as shaders/gather.wgsl leaves them.
+fn judged_of(hits: &[[u32; 4]]) -> impl Iterator<Item = Judged> {
+    /// Parts of a cell in which a place is told.
+    const STEPS: f32 = 32.0;
+    let all = hits.len() / 3;
+    let rgb = |words: [u32; 4]| Vec3::from_array([0, 1, 2].map(|k| f32::from_bits(words[k])));
+    (0..all).map(move |path| {
+        let [last, foretold, before] = [0, 1, 2].map(|kind| hits[kind * all + path]);
+        let steps = [0, 10, 20].map(|shift| (foretold[3] >> shift & 1023) as f32 + 0.5);
+        Judged {
+            cell: Vec3::from_array(steps) / STEPS,
+            foretold: rgb(foretold),
+            found: rgb(last) - rgb(before),
+        }
+    })
+}
+
 fn uniform(
     scene: &GatherScene,
-    paths: u32,
+    Ask { paths, strands, judged }: Ask,
     eye: Vec3,
     [first, count]: [u32; 2],
-    [event, strands]: [u32; 2],
+    event: u32,
 ) -> wgpu::Buffer {
     let ordinates = ORDINATES as u32;
     let (grid, overlap) = scene.field.2.unwrap_or((FieldGrid::NONE, 0.0));
@@ -372,7 +475,7 @@ fn uniform(
         sky: scene.sky_count,
         event,
         strands,
-        pad: 0,
+        judged,
     };
     uniform_buffer(&scene.gpu.device, "gather", bytemuck::bytes_of(&uniform))
 }
@@ -412,6 +515,8 @@ struct Batch<'a> {
     paths: &'a wgpu::Buffer,
     hits: &'a wgpu::Buffer,
     count: u32,
+    /// Whether none goes on, as far as is known.
+    over: Cell<bool>,
 }
 
 impl Batch<'_> {
@@ -445,6 +550,9 @@ impl Batch<'_> {
             let radius = path.clear / CLEAR_RADII;
             StrandRay::along(path.origin, radius, strand, path.direction, path.most)
         };
+        if let Cast::Nearest = cast {
+            self.over.set(paths.iter().all(|path| path.most <= 0.0));
+        }
         hits.par_iter_mut().zip(&paths).with_min_len(256).for_each(|(hit, path)| match cast {
             _ if path.most <= 0.0 => {}
             Cast::Nearest => *hit = words(rays.cast_nearest(&ray(path))),

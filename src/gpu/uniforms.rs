@@ -196,7 +196,7 @@ pub struct GatherUniform {
     pub sky: u32,
     pub event: u32,
     pub strands: u32,
-    pub pad: u32,
+    pub judged: u32,
 }
 
 /// `Cast` of shaders/cast.wgsl.

@@ -34,8 +34,7 @@ impl Frames {
             let strand = &hair.points[range.clone()];
             let mut axis = Vec3::ZERO;
             for i in 0..strand.len() {
-                let (a, b) = (i.saturating_sub(1), (i + 1).min(strand.len() - 1));
-                let u = (strand[b] - strand[a]).normalize_or(Vec3::Y);
+                let u = tangent(strand, i);
                 let (x, y) = normals(u);
                 axis = match i {
                     0 => {
@@ -50,6 +49,12 @@ impl Frames {
         }
         frames
     }
+}
+
+/// The unit tangent at a point of a strand.
+pub(super) fn tangent(strand: &[Vec3], i: usize) -> Vec3 {
+    let (a, b) = (i.saturating_sub(1), (i + 1).min(strand.len() - 1));
+    (strand[b] - strand[a]).normalize_or(Vec3::Y)
 }
 
 /// Two unit vectors at right angles to unit `u` and to each other (Duff et al. 2017); shaders/shade.wgsl has

@@ -455,7 +455,7 @@ impl Session {
     /// What is painted of the thickness of `stage`.
     fn thickness(&mut self, wish: &Wish, stage: &Geometry) -> Result<Option<Layer>> {
         if let Some(paint) = &wish.paint {
-            let fits = paint.points() == stage.hair.points.len();
+            let fits = paint.points() == stage.groom().points.len();
             return Ok(paint.layer(Channel::Thickness).filter(|_| fits).cloned());
         }
         let from = &wish.scene.hair;
@@ -608,16 +608,16 @@ impl Session {
             return Ok(());
         }
         let Some(body) = &self.body else { bail!("no hair") };
+        let stage = &body.it.stage;
         let painted = |paint: &Option<Arc<Paint>>| {
-            paint
-                .as_ref()
-                .filter(|paint| paint.points() == body.it.stage.hair.points.len())
-                .cloned()
+            paint.clone().filter(|paint| paint.points() == stage.groom().points.len())
         };
         let known = self.method.as_ref().filter(|made| made.from == from);
         let fibres = match (known, painted(&self.paint), painted(paint)) {
-            (Some(known), Some(before), Some(paint)) => known.it.fibres.repainted(&before, &paint),
-            _ => wish.fibres(&body.it.stage)?,
+            (Some(known), Some(before), Some(paint)) => {
+                known.it.fibres.repainted(&stage.at_points(&before), &stage.at_points(&paint))
+            }
+            _ => wish.fibres(stage)?,
         };
         let it = MethodData::new(scene.fibre.model, fibres, &scene.render)?;
         if let Some(renderer) = &mut self.gpu {

@@ -134,6 +134,28 @@ impl Layer {
         [0, 1, 2].map(|k| bare[k] + weight * (value[k] - bare[k]))
     }
 
+    /// What shows between points: see [`crate::hair::Refined::places`].
+    pub fn between(&self, places: &[(u32, f32)]) -> Layer {
+        let mut layer = Layer::new(self.channel, places.len());
+        for (point, &(first, s)) in places.iter().enumerate() {
+            if s == 0.0 {
+                layer.set_texel(point, self.texel(first as usize));
+                continue;
+            }
+            let (a, b) = (self.at(first as usize), self.at(first as usize + 1));
+            let (of_a, of_b) = ((1.0 - s) * a.1, s * b.1);
+            let weight = of_a + of_b;
+            if weight > 0.0 {
+                layer.set(
+                    point,
+                    [0, 1, 2].map(|k| (of_a * a.0[k] + of_b * b.0[k]) / weight),
+                    weight,
+                );
+            }
+        }
+        layer
+    }
+
     /// Values and weights of a block of [`BLOCK`] points, or of those that are left.
     fn block(&self, block: usize) -> &[f16] {
         let row = self.channel.width() + 1;
@@ -207,6 +229,12 @@ impl Paint {
 
     pub fn points(&self) -> usize {
         self.points
+    }
+
+    /// What shows between points: see [`crate::hair::Refined::places`].
+    pub fn between(&self, places: &[(u32, f32)]) -> Paint {
+        let layers = self.layers.iter().map(|layer| layer.between(places)).collect();
+        Paint { points: places.len(), layers }
     }
 
     /// Lets go of layers that cover no point.

@@ -1,8 +1,8 @@
 //! Directions that light comes to a fibre from, drawn by what the fibre sends of it to one viewer: for rays between
 //! strands.
 //!
-//! A draw is a lobe by its energy, θ_i by the lobe's M_t, and an offset h across the fibre, whose path through the cross
-//! section says φ and what is left of the light. It needs no value of S: the mean of [`Drawn::weight`] times any radiance
+//! A draw is an offset h across the fibre, a lobe by the light that its path there has left, and θ_i by the lobe's M_t; the
+//! path through the cross section says φ. Pale fibres' weights are near 1, so that paths of many draws have little noise. It needs no value of S: the mean of [`Drawn::weight`] times any radiance
 //! is ∫L S cosθ_i dω_i, energy compensation and tint included, as [`Fast::single_scattering`] has it of an SRBF: within
 //! 0.3 % (relative L2 over lights, Marschner's and d'Eon's, σ_a to 2, β_R to 15°), and 1.5 % for an eccentric fibre
 //! (a = 0.85), tests/draw.rs. Twin: shaders/fibre_draw.wgsl.
@@ -36,7 +36,8 @@ impl Fast<'_> {
     /// Draws by four uniform numbers in [0, 1), for the viewer at θ_o and φ_o, radians, φ_o counted from the minor axis of
     /// an eccentric fibre; None where the draw carries no light.
     pub fn draw(&self, theta_o: f64, phi_o: f64, u: [f64; 4]) -> Option<Drawn> {
-        let (shares, factors) = self.lobe_shares(theta_o);
+        let gamma = (2.0 * u[3] - 1.0).clamp(-1.0, 1.0).asin();
+        let (shares, factors) = self.lobe_shares(theta_o, gamma);
         let total: f64 = shares.iter().sum();
         let mut left = u[0] * total;
         let p = shares.iter().position(|share| {
@@ -59,7 +60,6 @@ impl Fast<'_> {
             let phi_i = wrap(phi_o + TAU * u[3]);
             return Some(Drawn { theta_i, phi_i, weight: weighted(own) });
         }
-        let gamma = (2.0 * u[3] - 1.0).clamp(-1.0, 1.0).asin();
         let blurred = self.model == Model::Deon || mode == Mode::Trt;
         let sigma = if blurred { self.fibre.w_c / SQRT_2 } else { 0.0 };
         let blur = sigma * normal_quantile(rest);
@@ -76,15 +76,17 @@ impl Fast<'_> {
         Some(Drawn { theta_i, phi_i: azimuth(eta), weight: weighted(own) })
     }
 
-    /// The lobes' chances, not summing to 1, and their energy compensation times tint.
-    fn lobe_shares(&self, theta_o: f64) -> ([f64; LOBES], [[f64; 3]; LOBES]) {
+    /// The lobes' chances at h = sin γ, not summing to 1, and their energy compensation times tint.
+    fn lobe_shares(&self, theta_o: f64, gamma: f64) -> ([f64; LOBES], [[f64; 3]; LOBES]) {
         let factors = self.factors(theta_o);
         let factors = [factors.r, factors.tt, factors.trt, factors.longer, factors.longer];
         let cos_path = theta_o.cos().max(0.0);
         let has_longer = self.model.modes().contains(&Mode::Trrt);
         let shares = std::array::from_fn(|p| {
-            let mean = |own: [f64; 3]| (0..3).map(|c| factors[p][c] * own[c]).sum::<f64>() / 3.0;
-            let own = |mode| self.own_energy(mode, self.mean_eta(mode), cos_path);
+            let mean = |own: [f64; 3]| {
+                ((0..3).map(|c| factors[p][c] * own[c]).sum::<f64>() / 3.0).max(0.0)
+            };
+            let own = |mode| self.attenuation(mode, self.mean_eta(mode), cos_path, gamma);
             match p {
                 0..=2 => mean(own(Mode::ALL[p])),
                 3 if has_longer => mean(own(Mode::Trrt)),

@@ -166,7 +166,7 @@ impl<'a> Fast<'a> {
     }
 
     /// The same, but TRRT's without longer paths.
-    pub(super) fn own_energy(&self, mode: Mode, eta: f64, cos_path: f64) -> [f64; 3] {
+    fn own_energy(&self, mode: Mode, eta: f64, cos_path: f64) -> [f64; 3] {
         let weights = self.tables.azimuth.energy(mode, eta, cos_path);
         self.fibre.sigma_a.map(|sigma_a| transmitted(weights, mode, eta, cos_path, sigma_a))
     }

@@ -491,7 +491,7 @@ const LOOKS: &[Field] = &[
         render.samples,
         "samples",
         Kind::Integer { min: 1.0, max: 1024.0 },
-        "samples a pixel; auto is 16, or what the quality needs",
+        "samples a pixel; auto is 64, or what the quality needs",
         unset: Some("auto")
     ),
     field!(

@@ -10,13 +10,13 @@ use crate::hair::normals;
 use crate::lamp::{Lamp, Shape};
 use crate::srbf::SrbfLight;
 
-/// Rays for a point of all lights together, at 16 samples a pixel.
-pub const RAYS_A_POINT: f64 = 50.0;
+/// Rays for a point of all lights together, at 64 samples a pixel.
+pub const RAYS_A_POINT: f64 = 25.0;
 /// Rays go as this power of a light's energy: the error of a sum of lights is least at ⅔, of those that shine where few
 /// do at 1.
 const POWER: f64 = 0.75;
 /// Rays of a light for a block of points, at most.
-const MOST_RAYS: f64 = 16.0;
+const MOST_RAYS: f64 = 8.0;
 /// Points that share the rays of a faint light, at most.
 const MOST_POINTS: f64 = 16.0;
 
@@ -30,7 +30,7 @@ pub struct Rays {
 }
 
 impl Rays {
-    /// Shares out rays among lights of these powers (energies, in any unit), `times` as many as at 16 samples. Ordinates, if
+    /// Shares out rays among lights of these powers (energies, in any unit), `times` as many as at 64 samples. Ordinates, if
     /// there are any, come last and have the same each, so that turned light leaves theirs as they were.
     pub fn of(powers: &[f64], ordinates: usize, times: f64) -> Vec<Rays> {
         let (own, even) = powers.split_at(powers.len() - ordinates);
@@ -197,7 +197,7 @@ pub fn draw_of(strand: u32, block: u32, k: u32) -> [f32; 3] {
 }
 
 /// PCG's permutation (O'Neill 2014).
-fn hashed(key: u32) -> u32 {
+pub fn hashed(key: u32) -> u32 {
     let state = key.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
     (word >> 22) ^ word

@@ -89,7 +89,7 @@ impl Editor {
 
     pub(super) fn save_to(&mut self, path: &Path) {
         let stage = self.own_stage().cloned();
-        let hair = stage.as_ref().map(|stage| &stage.hair);
+        let hair = stage.as_ref().map(|stage| stage.groom());
         match self.document.save(path, hair) {
             Ok(()) => {
                 self.settled = self.document.scene.clone();

@@ -115,7 +115,7 @@ impl Editor {
         if self.document.paint.is_none() {
             match stage.paint(&self.document.scene) {
                 Ok(paint) => {
-                    let bare = Paint::bare(stage.hair.points.len());
+                    let bare = Paint::bare(stage.groom().points.len());
                     self.document.begin_paint(paint.unwrap_or(bare));
                 }
                 Err(error) => return self.fail(&error),
@@ -123,7 +123,7 @@ impl Editor {
         }
         let places = places(&mut self.places, &stage, &picture.lens);
         let Some(paint) = &mut self.document.paint else { return };
-        if paint.points() != stage.hair.points.len() {
+        if paint.points() != stage.groom().points.len() {
             return;
         }
         let brush = &self.brush;
