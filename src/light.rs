@@ -30,7 +30,7 @@ const HEAD_RAYS: f64 = 48.0;
 const WIDE_LAMBDA: f32 = 0.1;
 
 /// Paths that gather light between strands at a point, at 64 samples a pixel.
-const PATHS_PER_POINT: f64 = 8.0;
+pub const PATHS_PER_POINT: f64 = 8.0;
 
 /// Told the share done; false cancels.
 pub type Progress<'a> = &'a (dyn Fn(f32) -> bool + Sync);

@@ -26,6 +26,7 @@ use crate::gpu::Gpu;
 use crate::gpu::frame::{NEGLIGIBLE, Renderer};
 use crate::gpu::method::{Integrator, MethodData, tables_over};
 use crate::gpu::probe::{INPUTS, Probe};
+use crate::light::PATHS_PER_POINT;
 use crate::scattering::azimuthal::FitLayers;
 use crate::scattering::fast::Fast;
 use crate::scattering::fibre::Fibre;
@@ -153,9 +154,12 @@ impl Facts {
             * settings.rays.powf(-RAY_POWER);
         let multiple = match self.multiple {
             true => {
-                MULTIPLE_ERROR[usize::from(self.integrator == Integrator::Xu)]
-                    * self.albedo
-                    * self.contrast.powf(MULTIPLE_POWER)
+                let [bias, noise] = match self.integrator {
+                    Integrator::Xu => XU_MULTIPLE_ERROR,
+                    Integrator::Fast(_) => MULTIPLE_ERROR,
+                };
+                let error = bias.hypot(noise * settings.rays.powf(-0.5));
+                error * self.albedo * self.contrast.powf(MULTIPLE_POWER)
             }
             false => 0.0,
         };
@@ -178,17 +182,23 @@ const MEAN_INCLINATION: f64 = 0.5;
 const RAY_ERROR: f64 = 0.02;
 const RAY_POWER: f64 = 0.4;
 const CONTRAST_POWER: f64 = 0.5;
-/// Of a fibre that loses nothing, under even light, by `fast` and by `xu`.
-const MULTIPLE_ERROR: [f64; 2] = [0.07, 0.3];
+/// Of a fibre that loses nothing, under even light, what stays and the noise of the usual paths: by `fast` and by `xu`.
+const MULTIPLE_ERROR: [f64; 2] = [0.03, 0.04];
+const XU_MULTIPLE_ERROR: [f64; 2] = [0.3, 0.0];
 const MULTIPLE_POWER: f64 = 0.65;
 /// Of black hair of a tenth of a pixel at one sample.
 const COVERAGE_ERROR: f64 = 0.9;
+
+/// A path costs as much as so many pairs of a point and a light, on lavapipe.
+const PATH_PAIRS: f64 = 12.0;
 
 /// What a frame costs on this device.
 #[derive(Clone, Copy, Debug)]
 pub struct Costs {
     /// Of a pair of a point and a light.
     pub pair_ns: f64,
+    /// Of a path that is gathered; 0 where none is.
+    pub path_ns: f64,
     /// Of finding what is seen at four samples, and the points found.
     pub visibility_ms: f64,
     pub points: usize,
@@ -212,25 +222,28 @@ impl Costs {
         let (visibility_ms, points) =
             quickest(|| Ok(renderer.visible_points(&[*lens], pieces, 4)?.len()))?;
         let pair_ns = measure_pair_ns(&renderer.gpu, method)?;
-        Ok(Costs { visibility_ms, pair_ns, points, split: lights.saturating_sub(TRIAL_LIGHTS) })
+        let path_ns = if method.twin.is_some() { PATH_PAIRS * pair_ns } else { 0.0 };
+        let split = lights.saturating_sub(TRIAL_LIGHTS);
+        Ok(Costs { visibility_ms, pair_ns, path_ns, points, split })
     }
 
     /// Those by which [`Self::frame_ms`] of `settings` is what a frame of `points` points took: `shade_ms` of it for
-    /// shading by `lights` lights, some of them parts of others, and `rest_ms` for all else.
+    /// shading by `lights` lights, some of them parts of others, `gather_ms` for paths, and `rest_ms` for all else.
     pub fn measured(
         settings: &Settings,
         points: usize,
         lights: usize,
-        shade_ms: f64,
-        rest_ms: f64,
+        [shade_ms, gather_ms, rest_ms]: [f64; 3],
     ) -> Costs {
         let split = lights.saturating_sub(settings.lights as usize);
-        let one = Costs { pair_ns: 1.0, visibility_ms: 1.0, points, split };
-        let [rest, shade] = one.parts_ms(settings);
+        let one = Costs { pair_ns: 1.0, path_ns: 1.0, visibility_ms: 1.0, points, split };
+        let [rest, shade, gather] = one.parts_ms(settings);
         // Of the points at four samples.
         let points = points as f64 / (f64::from(settings.samples.max(4)) / 4.0).powf(0.25);
-        let pair_ns = shade_ms / shade * one.points as f64 / points;
-        Costs { pair_ns, visibility_ms: rest_ms / rest, points: points as usize, split }
+        let more = one.points as f64 / points;
+        let (pair_ns, path_ns) = (shade_ms / shade * more, gather_ms / gather * more);
+        let visibility_ms = rest_ms / rest;
+        Costs { pair_ns, path_ns, visibility_ms, points: points as usize, split }
     }
 
     fn lights(&self, settings: &Settings) -> f64 {
@@ -242,8 +255,8 @@ impl Costs {
         self.parts_ms(settings).iter().sum()
     }
 
-    /// The same: what is rasterised, and what is shaded.
-    fn parts_ms(&self, settings: &Settings) -> [f64; 2] {
+    /// The same: what is rasterised, what is shaded, and what is gathered.
+    fn parts_ms(&self, settings: &Settings) -> [f64; 3] {
         let samples = f64::from(settings.samples.max(4)) / 4.0;
         // More samples find a few more points; of pairs of a point and a light 1e-3 keeps some two thirds.
         let points = self.points as f64 * samples.powf(0.25);
@@ -252,6 +265,7 @@ impl Costs {
         [
             0.5 * self.visibility_ms * samples.powf(0.8),
             1e-6 * self.pair_ns * points * self.lights(settings) * kept,
+            1e-6 * self.path_ns * points * PATHS_PER_POINT * settings.rays,
         ]
     }
 

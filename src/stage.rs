@@ -32,7 +32,7 @@ const METERED: f64 = 1.25;
 const ELSEWHERE: f64 = 0.25;
 const BUILTIN_FITS: f64 = 0.7;
 
-/// Distance between points of refined hair, of the hair's radius.
+/// Distance between points of refined hair, of the hair's radius: ARCHITECTURE.md has what others gave.
 const SPACING: f32 = 0.02;
 
 /// Points of refined hair at most: as many as a buffer of WebGPU's default limit, 128 MiB, holds.

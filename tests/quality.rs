@@ -18,7 +18,8 @@ const FACTS: Facts = Facts {
     multiple: true,
     integrator: Integrator::Fast(Model::Marschner),
 };
-const COSTS: Costs = Costs { pair_ns: 1000.0, visibility_ms: 60.0, points: 10_000, split: 25 };
+const COSTS: Costs =
+    Costs { pair_ns: 1000.0, path_ns: 2000.0, visibility_ms: 60.0, points: 10_000, split: 25 };
 
 #[test]
 fn more_time_buys_no_more_error_and_less_error_takes_no_less_time() {

@@ -899,8 +899,7 @@ impl Renderer {
             let mut pipelines = self.gather_pipelines.take();
             let places = self.head.places(stage);
             let scene = self.gather_scene(parts);
-            let near = self.head.seen_vertices(seen);
-            let gathered = gather.at_head(&scene, &mut pipelines, (&places, &near), go_on);
+            let gathered = gather.at_head(&scene, &mut pipelines, &places, go_on);
             self.gather_pipelines = pipelines;
             if let Ok(Some(gathered)) = &gathered {
                 let (_, distant, _) = &self.to_trace;

@@ -209,12 +209,6 @@ impl HeadSurface {
         values
     }
 
-    /// Which vertices are seen or near to those, that what is gathered is evened out with; all where nothing is known.
-    pub fn seen_vertices(&self, seen: Option<&SeenHead>) -> Vec<bool> {
-        let all = || vec![true; self.fine.places.len()];
-        seen.map_or_else(all, |seen| self.around(seen, GATHER_SOFTENINGS))
-    }
-
     /// Which vertices lie within so many triangles of what is seen.
     fn around(&self, seen: &SeenHead, triangles: usize) -> Vec<bool> {
         let all = &self.fine.head.triangles;

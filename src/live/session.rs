@@ -804,8 +804,9 @@ impl Session {
         let (points, lights) = (frame.shaded.len(), lights.len());
         let shade = frame.passes.get("shade").copied();
         let costs = shade.map(|shade_ms| {
-            let rest_ms = frame.passes.values().sum::<f64>() - shade_ms;
-            Costs::measured(settings, points, lights, shade_ms, rest_ms)
+            let gather_ms = frame.passes.get("gather").copied().unwrap_or(0.0);
+            let rest_ms = frame.passes.values().sum::<f64>() - shade_ms - gather_ms;
+            Costs::measured(settings, points, lights, [shade_ms, gather_ms, rest_ms])
         });
         let picked = self.picked.as_ref().zip(scene.render.quality);
         Ok(Figures {
