@@ -254,10 +254,10 @@ fn colours_resolve_to_absorption_per_radius() {
     assert_near(&melanin, &[0.9315, 1.594, 3.265], 1e-12);
     let absorption = [0.1, 0.2, 1000.0];
     assert_eq!(Pigment::Absorption(absorption).sigma_a(), absorption);
-    // ((ln ((0.5 − 0.0243)/0.9757)) / 4.5)², and so on; darker than the sheen is black.
+    // ((ln ((0.5 − 0.0236)/0.9764)) / 4.51)², and so on; darker than the sheen is black.
     let color = Pigment::Color([0.5, 0.1, 0.001]).sigma_a();
     let by_hand =
-        [0.475_7f64, 0.075_7, 0.975_7e-3].map(|body| ((body / 0.975_7).ln() / 4.5).powi(2));
+        [0.476_4f64, 0.076_4, 0.976_4e-3].map(|body| ((body / 0.976_4).ln() / 4.51).powi(2));
     assert_near(&color, &by_hand, 1e-9);
     assert_near(&assembly_color(color)[..2], &[0.5, 0.1], 1e-12);
     let luminance = |name: &str| {

@@ -192,12 +192,12 @@ impl Pigment {
 }
 
 /// What fibres reflect before light enters them: the colour of an assembly that absorbs all else.
-const SHEEN: f64 = 0.0243;
+const SHEEN: f64 = 0.0236;
 /// −d ln(C − sheen)/d√σ_a.
-const DEEPENING: f64 = 4.5;
+const DEEPENING: f64 = 4.51;
 
 /// The colour of dense hair under even light, of the absorption per radius of its untinted fibres, linear RGB:
-/// C = r + (1 − r) e^(−k √σ_a), r = 0.0243 and k = 4.5.
+/// C = r + (1 − r) e^(−k √σ_a), r = 0.0236 and k = 4.51.
 ///
 /// k is Chiang et al. 2016's f(β_n), Eq 9, fitted to the builtin bob as it is rendered here under a map of radiance 1
 /// (tests/color.rs). Between C = 0.04 and 0.35 its frames are within 5 %, Marschner or d'Eon; β_R from 3.5 to 15° changes 1 %. Looser hair is brighter: sintel by a quarter at C = 0.3. Paler hair
