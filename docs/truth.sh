@@ -13,12 +13,12 @@ for map in studio sunset overcast; do
         # shellcheck disable=SC2086
         "$hairlight" reference -q "$@" $scene --spp "${SPP:-128}" -o "$at-truth.exr"
         # shellcheck disable=SC2086
-        "$hairlight" capture -q "$@" $scene -o "$at-frame.exr" --samples 64
+        "$hairlight" capture -q "$@" $scene -o "$at-frame.exr" --samples 256
         "$hairlight" compare "$at-frame.exr" "$at-truth.exr" --out "$at.png" --json > "$at.json"
         # shellcheck disable=SC2086
         "$hairlight" reference -q "$@" $scene --spp "${SPP:-128}" --lighting srbf --max-depth 1 -o "$at-single-truth.exr"
         # shellcheck disable=SC2086
-        "$hairlight" capture -q "$@" $scene -o "$at-single-frame.exr" --samples 64 --scattering single
+        "$hairlight" capture -q "$@" $scene -o "$at-single-frame.exr" --samples 256 --scattering single
         "$hairlight" compare "$at-single-frame.exr" "$at-single-truth.exr" --json > "$at-single.json"
     done
 done
