@@ -55,7 +55,7 @@ fn write_cover(path: &Path, of: &Scene, channels: &[Channel]) {
     for &channel in channels {
         cover(&mut paint, channel, &of.fibre.resolve(), 0..hair.points.len());
     }
-    paint.write(path, &hair).unwrap();
+    paint.write(path, hair).unwrap();
 }
 
 /// Relative L2 of a frame over hair, and the mean ratio of green.
@@ -79,8 +79,8 @@ fn a_file_reads_back_and_is_refused_where_it_does_not_belong() {
             layer.set(point, [value, 2.0 * value, 3.0 * value], 0.001 * (1 + point % 999) as f32);
         }
     }
-    paint.write(&path, &hair).unwrap();
-    assert!(Paint::read(&path, &hair).unwrap() == paint, "it reads back");
+    paint.write(&path, hair).unwrap();
+    assert!(Paint::read(&path, hair).unwrap() == paint, "it reads back");
     let bytes = std::fs::read(&path).unwrap();
     println!("{} points, all channels: {} bytes", hair.points.len(), bytes.len());
 
@@ -115,7 +115,7 @@ fn a_file_reads_back_and_is_refused_where_it_does_not_belong() {
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(error.contains("hair.paint") && error.contains("cannot be read"), "{error}");
     // The paper's method has tables of one fibre.
-    paint.write(&path, &hair).unwrap();
+    paint.write(&path, hair).unwrap();
     let output = capture(folder.path(), &[STRANDS, "--paint", "hair.paint", "--method", "xu"]);
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(!output.status.success() && error.contains("--method fast"), "{error}");
@@ -353,7 +353,7 @@ fn a_painted_frame_is_as_near_to_its_truth_as_an_even_one() {
             paint.layer_mut(Channel::Roughness).set(point, [5.0 + 8.0 * t, 0.0, 0.0], 1.0);
         }
     }
-    paint.write(&path.join("tips.paint"), &hair).unwrap();
+    paint.write(&path.join("tips.paint"), hair).unwrap();
     let look =
         [STRANDS, "--env", "builtin:overcast", "--size", "64x48", "--background", "transparent"];
     let (tips, blond) = (["--paint", "tips.paint"], ["--preset", "blond"]);
