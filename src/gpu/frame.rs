@@ -194,8 +194,9 @@ pub struct Renderer {
     pub gpu: Gpu,
     points: u32,
     center: Vec3,
-    /// First point of every segment; and the mean of their lengths times widths, world units squared.
+    /// First point of every segment.
     every_segment: Vec<u32>,
+    /// Mean of their lengths times widths, world units squared.
     segment_area: f64,
     /// Strand of every point; of so many strands one is drawn, as much wider.
     strand_of: Vec<u32>,

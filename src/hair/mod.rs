@@ -16,7 +16,7 @@ use std::ops::Range;
 pub use curve::{Frames, normals, pieces};
 pub use load::{FileDetails, LoadOptions, LoadedHair, OnHead, load, load_on};
 pub use mend::{Mended, mend};
-pub use refine::{Refined, between, refine};
+pub use refine::{Refined, refine};
 pub use reverse::{is_reversed, reverse};
 pub use width::{Diameter, fibre_diameter, metre, width_profile};
 

@@ -76,7 +76,7 @@ fn on_curve(strand: &[Vec3], i: usize, s: f32) -> Vec3 {
 }
 
 /// Values of the groom's points at `places`.
-pub fn between<T: Copy>(all: &[T], places: &[(u32, f32)], mix: impl Fn(T, T, f32) -> T) -> Vec<T> {
+fn between<T: Copy>(all: &[T], places: &[(u32, f32)], mix: impl Fn(T, T, f32) -> T) -> Vec<T> {
     let at = |&(first, s): &(u32, f32)| match s {
         0.0 => all[first as usize],
         s => mix(all[first as usize], all[first as usize + 1], s),

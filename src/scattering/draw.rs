@@ -2,9 +2,10 @@
 //! strands.
 //!
 //! A draw is an offset h across the fibre, a lobe by the light that its path there has left, and θ_i by the lobe's M_t; the
-//! path through the cross section says φ. Pale fibres' weights are near 1, so that paths of many draws have little noise. It needs no value of S: the mean of [`Drawn::weight`] times any radiance
-//! is ∫L S cosθ_i dω_i, energy compensation and tint included, as [`Fast::single_scattering`] has it of an SRBF: within
-//! 0.3 % (relative L2 over lights, Marschner's and d'Eon's, σ_a to 2, β_R to 15°), and 1.5 % for an eccentric fibre
+//! path through the cross section says φ. Pale fibres' weights are near 1, so that paths of many draws have little noise.
+//! A draw needs no value of S: the mean of [`Drawn::weight`] times any radiance is ∫L S cosθ_i dω_i, energy compensation
+//! and tint included, as [`Fast::single_scattering`] has it of an SRBF: within 0.3 % (relative L2 over lights, Marschner's
+//! and d'Eon's, σ_a to 2, β_R to 15°), and 1.5 % for an eccentric fibre
 //! (a = 0.85), tests/draw.rs. Twin: shaders/fibre_draw.wgsl.
 
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2, TAU};
