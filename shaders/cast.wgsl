@@ -1,22 +1,23 @@
 // Follows rays between strands. Twin: StrandRays::cast_nearest and cast_any of src/reference/transmittance.rs.
 
 struct Cast {
-    count: u32,
-    pad: u32,
+    first: u32,         // place of the first path that is cast
+    all: u32,           // that are followed together
     head: vec2u,        // root of the head's tree, and first of its shapes; 0 without one
 }
 
 @group(0) @binding(4) var<storage, read> paths: array<Path>;
-@group(0) @binding(5) var<storage, read_write> hits: array<vec4u>;
+@group(0) @binding(5) var<storage, read_write> hits: Hits;
 @group(0) @binding(6) var<uniform> rays: Cast;
+@group(0) @binding(7) var<uniform> queues: array<Queue, 3>;
 
 // What each ray meets first.
 @compute @workgroup_size(64)
 fn cast_nearest(@builtin(global_invocation_id) id: vec3u) {
-    if (id.x >= rays.count) {
+    if (id.x >= queues[0].count) {
         return;
     }
-    let path = paths[id.x];
+    let path = paths[rays.first + id.x];
     var hit = vec4u(HIT_NOTHING, 0u, 0u, 0u);
     for (var there = path.most > 0.0; there; there = false) {
         var ray = ray_from(path.origin, path.direction, path.most, path.clear, path.own);
@@ -47,21 +48,20 @@ fn cast_nearest(@builtin(global_invocation_id) id: vec3u) {
             }
         }
     }
-    hits[id.x] = hit;
+    hits.list[id.x] = hit;
 }
 
-// Adds what the rays of second slots bring, where nothing stands in their way, to the first words of their hits.
+// Lists the rays to lights that nothing stands in the way of.
 @compute @workgroup_size(64)
 fn cast_any(@builtin(global_invocation_id) id: vec3u) {
-    if (id.x >= rays.count) {
+    if (id.x >= queues[1].count) {
         return;
     }
-    let place = rays.count + id.x;
-    let path = paths[place];
-    for (var there = path.most > 0.0; there; there = false) {
-        let met = trace(ray_from(path.origin, path.direction, path.most, path.clear, path.own), rays.head);
-        let open = !met.head && met.strands == 0u;
-        let found = bitcast<vec4f>(hits[place]) + vec4f(select(vec3f(), path.weight, open), 0.0);
-        hits[place] = bitcast<vec4u>(found);
+    let path = paths[rays.first + id.x];
+    let met = trace(ray_from(path.origin, path.direction, path.most, path.clear, path.own), rays.head);
+    for (var open = !met.head && met.strands == 0u; open; open = false) {
+        let slot = atomicAdd(&hits.open.count, 1u);
+        atomicMax(&hits.open.workgroups, slot / 64u + 1u);
+        hits.list[rays.all + slot] = vec4u(id.x, 0u, 0u, 0u);
     }
 }

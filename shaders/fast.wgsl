@@ -99,7 +99,7 @@ fn single_r(fibre: Fibre, theta_o: f32, light: Lobewise) -> f32 {
     for (var lit = has_mode(0u) && lobe_share(lobe) > 0.0; lit; lit = false) {
         let place = node_place(lobe);
         let eta = eta_place(fibre, fibre.eta);
-        for (var k = 0u; k < fibre.nodes; k++) {
+        for (var k = 0u; k < NODES; k++) {
             let node = node_at(place, k);
             let at = sight(theta_o, m, node, light_exponent(light, node.theta));
             let kappa = light.kappa * at.cos_i;
@@ -122,7 +122,7 @@ fn single_inside(fibre: Fibre, theta_o: f32, light: Lobewise, t: u32, grid: Azim
     for (var lit = has_mode(t) && lobe_share(lobe) > 0.0; lit; lit = false) {
         let place = node_place(lobe);
         var eta = eta_place(fibre, fibre.eta);
-        for (var k = 0u; k < fibre.nodes; k++) {
+        for (var k = 0u; k < NODES; k++) {
             let node = node_at(place, k);
             let at = sight(theta_o, m, node, light_exponent(light, node.theta));
             let kappa = light.kappa * at.cos_i;

@@ -6,7 +6,7 @@ struct Fibre {
     alpha: vec3f,         // longitudinal shift α_t of θ_h
     eta: f32,             // index of refraction
     lambda: vec3f,        // bandwidth 2√2 β_t of M_t over θ_i
-    nodes: u32,           // `fast`: over θ_i, 2 to 4; `xu`: the segments m ≥ 2
+    linked: u32,          // bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted
     sigma_a: vec3f,       // absorption per radius
     blur: f32,            // 1−⟨cos⟩ of the fibre's own blur: TRT's w_c, or of all d'Eon's lobes
     eta_star: vec2f,      // η*(φ_h) = x + y cos 2φ_h, Eq 24
@@ -14,13 +14,14 @@ struct Fibre {
     eta_per_layer: f32,   // layers per unit of η̄*, 0 for a round fibre
     eta_layers: u32,
     w_c: f32,             // bandwidth of TRT's own blur
-    linked: u32,          // bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted
     tint: array<vec3f, 3>, // RGB of R, TT, TRT towards the eye; longer paths take TRT's
 }
 
-// What a scene lacks costs nothing: set when the pipeline is made.
+// What a scene lacks costs nothing: set when the pipeline is made. A uniform in the place of NODES would have lavapipe compile
+// the shader anew at each dispatch.
 override ECCENTRIC: bool = true;
 override MODES: u32 = 15u;      // bit t: mode t is there and bright enough to be seen; 3 is all past TRT
+override NODES: u32 = 4u;       // `fast`: over θ_i, 2 to 4; `xu`: the segments m ≥ 2
 override PARTS: u32 = 7u;       // SINGLE | GLOBAL | LOCAL
 override COUNT: bool = false;   // whether work is counted
 override PAINTED: bool = false; // whether points have fibres of their own

@@ -10,7 +10,7 @@ struct GatherSum {
 
 @group(0) @binding(0) var<uniform> sums: GatherSum;
 @group(0) @binding(1) var<storage, read> seen: array<u32>;
-@group(0) @binding(3) var<storage, read> hits: array<vec4u>;
+@group(0) @binding(3) var<storage, read_write> hits: Hits;
 @group(0) @binding(4) var<storage, read_write> means: array<vec4f>;     // of each point; w: 1 where it is known
 @group(0) @binding(5) var<storage, read> strand_ends: array<vec2u>;
 @group(0) @binding(6) var<storage, read_write> radiance: array<vec4f>;
@@ -23,7 +23,7 @@ fn sum(@builtin(global_invocation_id) id: vec3u) {
     }
     var total = vec3f();
     for (var k = 0u; k < sums.paths; k++) {
-        total += bitcast<vec3f>(hits[sums.paths * (sums.count + id.x) + k].xyz);
+        total += bitcast<vec3f>(hits.list[sums.paths * (2u * sums.count + id.x) + k].xyz);
     }
     means[seen[sums.first + id.x]] = vec4f(total / f32(sums.paths), 1.0);
 }

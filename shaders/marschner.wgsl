@@ -37,7 +37,7 @@ fn energy_compensation(fibre: Fibre, theta_o: f32) -> vec3f {
         let m = lengthwise(fibre, theta_o, t);
         let place = node_place(lobe_of(theta_o, 0.0, 1e3, m.centre, m.lambda, SLOPE[t]));
         var kept = 0.0;
-        for (var k = 0u; k < fibre.nodes; k++) {
+        for (var k = 0u; k < NODES; k++) {
             let at = sight(theta_o, m, node_at(place, k), 0.0);
             kept += at.weight * clear_energy(eta, t, at.cos_path);
         }

@@ -13,9 +13,9 @@ fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum
 
     let r = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.x, fibre.lambda.x);
     if r.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(r.mu, r.lambda, fibre.nodes);
+        var walk = walk_begin(r.mu, r.lambda, NODES);
         var sum = 0.0;
-        for (var k = 0u; k + 1u < fibre.nodes; k++) {
+        for (var k = 0u; k + 1u < NODES; k++) {
             let node = walk_next(&walk, k);
             let kappa = kappa_j * max(cos(node.theta), 0.0);
             let c = r_coefficients(fibre.eta, 0.5 * (theta_o - node.theta));
@@ -27,10 +27,10 @@ fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum
 
     let tt = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.y, fibre.lambda.y);
     if tt.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(tt.mu, tt.lambda, fibre.nodes);
+        var walk = walk_begin(tt.mu, tt.lambda, NODES);
         var sum = vec3f();
         let cos2 = vec3f(column.cos_half * column.cos_half);
-        for (var k = 0u; k + 1u < fibre.nodes; k++) {
+        for (var k = 0u; k + 1u < NODES; k++) {
             let node = walk_next(&walk, k);
             let kappa = kappa_j * max(cos(node.theta), 0.0);
             let fit = fit_tt(0.5 * (theta_o - node.theta));
@@ -42,9 +42,9 @@ fn single_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, cos_sum
 
     let trt = mode_lobe(theta_o, theta_j, lambda_j, fibre.alpha.z, fibre.lambda.z);
     if trt.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(trt.mu, trt.lambda, fibre.nodes);
+        var walk = walk_begin(trt.mu, trt.lambda, NODES);
         var sum = vec3f();
-        for (var k = 0u; k + 1u < fibre.nodes; k++) {
+        for (var k = 0u; k + 1u < NODES; k++) {
             let node = walk_next(&walk, k);
             let kappa = kappa_j * max(cos(node.theta), 0.0);
             var mean_cos = 0.0;
@@ -72,9 +72,9 @@ fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f
 
     let r = mode_lobe(theta_o, theta_j, spread, fibre.alpha.x, fibre.lambda.x);
     if r.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(r.mu, r.lambda, fibre.nodes);
+        var walk = walk_begin(r.mu, r.lambda, NODES);
         var sum = 0.0;
-        for (var k = 0u; k + 1u < fibre.nodes; k++) {
+        for (var k = 0u; k + 1u < NODES; k++) {
             let node = walk_next(&walk, k);
             let inner = global_r_tt(0.5 * (theta_o - node.theta), column).x;
             sum += node.weight * projection(node.theta, theta_o) * inner;
@@ -84,9 +84,9 @@ fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f
 
     let tt = mode_lobe(theta_o, theta_j, spread, fibre.alpha.y, fibre.lambda.y);
     if tt.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(tt.mu, tt.lambda, fibre.nodes);
+        var walk = walk_begin(tt.mu, tt.lambda, NODES);
         var sum = vec3f();
-        for (var k = 0u; k + 1u < fibre.nodes; k++) {
+        for (var k = 0u; k + 1u < NODES; k++) {
             let node = walk_next(&walk, k);
             let inner = global_r_tt(0.5 * (theta_o - node.theta), column).yzw;
             sum += node.weight * projection(node.theta, theta_o) * inner;
@@ -96,9 +96,9 @@ fn global_scattering(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, sigma_f
 
     let trt = mode_lobe(theta_o, theta_j, spread, fibre.alpha.z, fibre.lambda.z);
     if trt.amplitude >= AMPLITUDE_MIN {
-        var walk = walk_begin(trt.mu, trt.lambda, fibre.nodes);
+        var walk = walk_begin(trt.mu, trt.lambda, NODES);
         var sum = vec3f();
-        for (var k = 0u; k + 1u < fibre.nodes; k++) {
+        for (var k = 0u; k + 1u < NODES; k++) {
             let node = walk_next(&walk, k);
             let inner = global_trt(0.5 * (theta_o - node.theta), column);
             sum += node.weight * projection(node.theta, theta_o) * inner;
@@ -116,9 +116,9 @@ fn local_scattering_direct(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, l
     }
     let kappa_j = concentration(lambda_j) * max(cos(theta_j), 0.0);
     let column = circle_column(phi);
-    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, fibre.nodes);
+    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, NODES);
     var sum = vec3f();
-    for (var k = 0u; k + 1u < fibre.nodes; k++) {
+    for (var k = 0u; k + 1u < NODES; k++) {
         let node = walk_next(&walk, k);
         let kappa = kappa_j * max(cos(node.theta), 0.0);
         let azimuth = g_circular_integral(vec3f(kappa)).x * circle_half(kappa, column);
@@ -135,9 +135,9 @@ fn local_scattering_forward(fibre: Fibre, theta_o: f32, theta_j: f32, phi: f32, 
     if lobe.gaussian.amplitude < AMPLITUDE_MIN {
         return vec3f();
     }
-    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, fibre.nodes);
+    var walk = walk_begin(lobe.gaussian.mu, lobe.gaussian.lambda, NODES);
     var sum = vec3f();
-    for (var k = 0u; k + 1u < fibre.nodes; k++) {
+    for (var k = 0u; k + 1u < NODES; k++) {
         let node = walk_next(&walk, k);
         sum += back_node(node, theta_o);
     }

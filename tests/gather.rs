@@ -1,9 +1,10 @@
 //! Light that paths gather, against path tracing of as many scattering events.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use hairlight::field::{Judged, correction};
 use hairlight::gpu::frame::{Background, Parts, Renderer};
 use hairlight::gpu::method::MethodData;
+use hairlight::gpu::sky_map::{SIDE, direction_at, place_of, sky_texels};
 use hairlight::light::{HairMedium, Lights};
 use hairlight::measure::compare::compare;
 use hairlight::measure::read::Picture;
@@ -15,7 +16,7 @@ use hairlight::reference::tracer::skin::Skin;
 use hairlight::reference::tracer::strands::Strands;
 use hairlight::reference::tracer::{Sampling, TraceScene, trace};
 use hairlight::scene::{PRESETS, Scene};
-use hairlight::srbf::{SrbfLight, sky_of, split_wide};
+use hairlight::srbf::{ORDINATES, SrbfLight, lattice, sky_of, split_wide};
 use hairlight::stage::Geometry;
 
 use crate::wgsl::cpu;
@@ -121,6 +122,51 @@ fn ratio(a: &Picture, b: &Picture) -> f64 {
         picture.rgb.iter().zip(hair).map(|(rgb, &hair)| f64::from(rgb[1] * hair)).sum()
     };
     sum(a) / sum(b)
+}
+
+/// Looked up as shaders/gather.wgsl does.
+#[test]
+fn the_map_of_the_sky_has_its_radiance_and_the_nearest_ordinate() {
+    let (sky, ordinates) = (sky_of(&lights()), split_wide(&lights()));
+    let ordinates = &ordinates[ordinates.len() - ORDINATES..];
+    let texels = sky_texels(&sky, ordinates);
+    let at = |x: usize, y: usize| texels[y * SIDE + x];
+    let (mut mean, mut worst, mut other, mut control) = (Vec3::ZERO, 0.0f32, 0, 0.0f32);
+    let sphere = lattice(2000);
+    for &direction in &sphere {
+        let place = place_of(direction);
+        assert!(direction_at(place).distance(direction) < 1e-12, "{direction}");
+        let place = place * SIDE as f64;
+        let near = (place - 0.5).clamp(DVec2::ZERO, DVec2::splat(SIDE as f64 - 1.0));
+        let first = near.min(DVec2::splat(SIDE as f64 - 2.0)).floor();
+        let f = (near - first).as_vec2();
+        let [x, y] = first.to_array().map(|n| n as usize);
+        let found =
+            at(x, y).lerp(at(x + 1, y), f.x).lerp(at(x, y + 1).lerp(at(x + 1, y + 1), f.x), f.y);
+        let exact = |direction: DVec3| -> Vec3 {
+            let of = |light: &SrbfLight| {
+                let apart = (direction - light.direction).length() / light.lambda;
+                DVec3::from(light.rgb) * (-apart * apart).exp()
+            };
+            sky.iter().map(of).sum::<DVec3>().as_vec3()
+        };
+        mean += exact(direction) / sphere.len() as f32;
+        let error = |truth: Vec3| (found.truncate() - truth).abs().max_element();
+        worst = worst.max(error(exact(direction)));
+        control = control.max(error(exact(-direction)));
+        let nearest = |a: &&SrbfLight, b: &&SrbfLight| {
+            a.direction.dot(direction).total_cmp(&b.direction.dot(direction))
+        };
+        let nearest = ordinates.iter().max_by(nearest).expect("ordinates").direction;
+        let [x, y] = place.min(DVec2::splat(SIDE as f64 - 1.0)).to_array().map(|n| n as usize);
+        other += usize::from(ordinates[at(x, y).w as usize].direction != nearest);
+    }
+    println!(
+        "radiance within {worst:.1e}; {other} of {} next to the nearest ordinate",
+        sphere.len()
+    );
+    assert!(worst < 5e-3 && control > 0.5, "{worst} {control}");
+    assert!(other < sphere.len() / 20, "{other}");
 }
 
 #[test]

@@ -363,7 +363,7 @@ fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
 fn passes_are_valid_and_laid_out_as_in_rust() {
     use hairlight::gpu::uniforms::{
         CastUniform, FieldGrid, GatherSumUniform, GatherUniform, HeadPlace, LightEntry,
-        NEEDED_LIST, Path, ShadingUniform, ViewUniform,
+        NEEDED_LIST, Path, Queue, ShadingUniform, ViewUniform,
     };
     use std::mem::{offset_of, size_of};
     for (name, source) in Shaders::default().passes() {
@@ -428,7 +428,7 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
     );
     same!(shade(), "FieldGrid", FieldGrid, [origin, cell, dims, scale]);
     let gather = || Shaders::default().gather(Integrator::Fast(Model::Marschner));
-    same!(gather(), "Path", Path, [origin, most, direction, clear, weight, pad, own, draw]);
+    same!(gather(), "Path", Path, [origin, most, direction, clear, weight, id, own, draw]);
     same!(gather(), "HeadPlace", HeadPlace, [position, seed, normal, pad]);
     same!(
         gather(),
@@ -443,16 +443,15 @@ fn passes_are_valid_and_laid_out_as_in_rust() {
             lights,
             lamps,
             first_ordinate,
-            ordinates,
             ordinate_share,
             parts,
-            sky,
             event,
             strands,
             judged
         ]
     );
-    same!(Shaders::default().cast(), "Cast", CastUniform, [count, pad, head]);
+    same!(Shaders::default().cast(), "Cast", CastUniform, [first, all, head]);
+    same!(Shaders::default().cast(), "Queue", Queue, [workgroups, count]);
     let sums = Shaders::default().gather_sum();
     same!(sums, "GatherSum", GatherSumUniform, [first, count, paths, pad]);
     let trace = || Shaders::default().transmittance();
@@ -491,7 +490,7 @@ fn layouts_and_constants_are_those_of_rust() {
         ("alpha", offset_of!(FibreUniform, alpha)),
         ("eta", offset_of!(FibreUniform, eta)),
         ("lambda", offset_of!(FibreUniform, lambda)),
-        ("nodes", offset_of!(FibreUniform, nodes)),
+        ("linked", offset_of!(FibreUniform, linked)),
         ("sigma_a", offset_of!(FibreUniform, sigma_a)),
         ("blur", offset_of!(FibreUniform, blur)),
         ("eta_star", offset_of!(FibreUniform, eta_star)),
@@ -499,7 +498,6 @@ fn layouts_and_constants_are_those_of_rust() {
         ("eta_per_layer", offset_of!(FibreUniform, eta_per_layer)),
         ("eta_layers", offset_of!(FibreUniform, eta_layers)),
         ("w_c", offset_of!(FibreUniform, w_c)),
-        ("linked", offset_of!(FibreUniform, linked)),
         ("tint", offset_of!(FibreUniform, tint)),
     ];
     assert_eq!(offsets, expected);

@@ -15,6 +15,7 @@ use super::head_light::{HeadRayCaster, HeadSurface, SeenHead};
 use super::method::{Integrator, MethodData};
 use super::resources::*;
 use super::shaders::Shaders;
+use super::sky_map::{SIDE, sky_texels};
 use super::timer::PassTimer;
 use super::transmittance::{PointTransmittance, Table, known_table};
 use super::uniforms::{FieldGrid, LightEntry, NEEDED_LIST, ShadingUniform, ViewUniform};
@@ -139,7 +140,7 @@ pub const NEGLIGIBLE: f64 = 1e-3;
 const BAND_PIXELS: u32 = 8 << 20;
 
 /// Points that are shaded between two looks at whether to go on: 0.1 s on two cores.
-const POINTS_A_LOOK: u32 = 4096;
+const POINTS_A_LOOK: u32 = 1 << 16;
 
 /// Place, diameter, tangent and the angle of the cross section's axis at each point, as shaders/view.wgsl has them.
 fn strand_points(device: &wgpu::Device, stage: &Geometry) -> wgpu::Buffer {
@@ -219,8 +220,8 @@ pub struct Renderer {
     /// T̃ that is known, in place of what is traced.
     known: Option<Table>,
     light_count: u32,
-    /// What comes after them.
-    sky_count: u32,
+    /// What paths that escape see (`sky_map`).
+    sky_map: wgpu::TextureView,
     /// Of which the first are lamps.
     lamp_count: u32,
     /// Where light is, that other strands have scattered.
@@ -292,7 +293,7 @@ impl Renderer {
             traced: PointTransmittance::new(&gpu, stage),
             known: None,
             light_count: 0,
-            sky_count: 0,
+            sky_map: float_texture(&gpu, "sky", [1, 1], &[Vec4::ZERO]),
             lamp_count: 0,
             field: None,
             field_overlap: 0.0,
@@ -303,7 +304,7 @@ impl Renderer {
             field_sampler: linear_sampler(device),
             painted: point_texture(&gpu, method.fibres.points()),
             method: method.clone(),
-            environment: environment_texture(&gpu, 1, 1, &[[0.0; 4]]),
+            environment: float_texture(&gpu, "environment", [1, 1], &[Vec4::ZERO]),
             environment_rotation_rad: 0.0,
             environment_scale: 1.0,
             fixed,
@@ -556,7 +557,7 @@ impl Renderer {
             strand_of: &self.strand_of,
             lights: &self.lights,
             light_count: self.light_count,
-            sky_count: self.sky_count,
+            sky_map: &self.sky_map,
             lamp_count: self.lamp_count,
             painted: &self.painted,
             parts: parts.bits(),
@@ -651,13 +652,10 @@ impl Renderer {
             end += power / whole;
             (entry.chance, entry.end) = ((power / whole) as f32, end as f32);
         }
-        // Those of the sky come last, for a gather alone.
-        let sky = match (sky, lights.len().checked_sub(ORDINATES)) {
-            ([], Some(first)) => &lights[first..],
-            (sky, _) => sky,
-        };
-        entries.extend(sky.iter().map(distant));
-        self.sky_count = sky.len() as u32;
+        let ordinates = &lights[lights.len().saturating_sub(ORDINATES)..];
+        let sky = if sky.is_empty() { ordinates } else { sky };
+        self.sky_map =
+            float_texture(&self.gpu, "sky", [SIDE as u32; 2], &sky_texels(sky, ordinates));
         self.lights = storage(&self.gpu.device, "lights", bytemuck::cast_slice(&entries));
         let had_lamps = self.lamp_count > 0;
         self.lamp_count = lamps.len() as u32;
@@ -922,9 +920,9 @@ impl Renderer {
     pub fn set_environment(&mut self, map: &Environment, rotation_rad: f32, scale: f32) {
         // A texture of this side fits every adapter.
         let small = map.shrunk(4096);
-        let texels: Vec<_> = small.pixels.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
-        let (width, height) = (small.width as u32, small.height as u32);
-        self.environment = environment_texture(&self.gpu, width, height, &texels);
+        let texels: Vec<_> = small.pixels.iter().map(|&rgb| Vec3::from(rgb).extend(0.0)).collect();
+        let size = [small.width, small.height].map(|n| n as u32);
+        self.environment = float_texture(&self.gpu, "environment", size, &texels);
         self.turn_environment(rotation_rad);
         self.environment_scale = scale;
     }
@@ -1403,13 +1401,13 @@ fn jitter(pass: u32, sampling: Sampling) -> Vec2 {
     Vec2::new(at(0.754_877_666_246_693), at(0.569_840_290_998_053))
 }
 
-fn environment_texture(
+fn float_texture(
     gpu: &Gpu,
-    width: u32,
-    height: u32,
-    texels: &[[f32; 4]],
+    label: &str,
+    [width, height]: [u32; 2],
+    texels: &[Vec4],
 ) -> wgpu::TextureView {
     let (size, texels) = ([width, height, 1], bytemuck::cast_slice(texels));
     let format = wgpu::TextureFormat::Rgba32Float;
-    texture_of(gpu, "environment", size, wgpu::TextureDimension::D2, format, texels)
+    texture_of(gpu, label, size, wgpu::TextureDimension::D2, format, texels)
 }

@@ -3,20 +3,20 @@
 //! Scattering is evaluated on the device. Rays are cast there too, but for a CPU's adapter, on which the CPU itself casts them
 //! (see `transmittance`).
 
-use std::cell::Cell;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
 use anyhow::Result;
 use glam::{Vec3, Vec4};
-use half::f16;
 use rayon::prelude::*;
 
 use super::Gpu;
 use super::method::{Integrator, MethodData};
 use super::resources::*;
 use super::transmittance::PointTransmittance;
-use super::uniforms::{CastUniform, FieldGrid, GatherSumUniform, GatherUniform, HeadPlace, Path};
+use super::uniforms::{
+    CastUniform, FieldGrid, GatherSumUniform, GatherUniform, HeadPlace, Path, Queue,
+};
 use crate::field::{Judged, correction};
 use crate::reference::tracer::strands::{CLEAR_RADII, StrandRay};
 use crate::reference::transmittance::{Met, StrandRays};
@@ -67,7 +67,7 @@ pub(super) struct GatherScene<'a> {
     pub strand_of: &'a [u32],
     pub lights: &'a wgpu::Buffer,
     pub light_count: u32,
-    pub sky_count: u32,
+    pub sky_map: &'a wgpu::TextureView,
     pub lamp_count: u32,
     pub painted: &'a wgpu::TextureView,
     /// Bits of the parts that are asked for.
@@ -84,6 +84,7 @@ pub(super) struct GatherPipelines {
     aim: wgpu::ComputePipeline,
     aim_head: wgpu::ComputePipeline,
     meet: wgpu::ComputePipeline,
+    shine: wgpu::ComputePipeline,
     cast_nearest: wgpu::ComputePipeline,
     cast_any: wgpu::ComputePipeline,
     sum: wgpu::ComputePipeline,
@@ -101,14 +102,29 @@ struct Layouts {
 
 impl Layouts {
     fn new(device: &wgpu::Device) -> Layouts {
-        use Bound::{Float3d, Read, Sampler, Uint2d, Uniform, Write};
+        use Bound::{Float2d, Float3d, Read, Sampler, Uint2d, Uniform, Write};
         let of = |bindings: &[(u32, Bound)]| layout(device, bindings);
         Layouts {
             fibre: of(&[(0, Uniform), (1, Read), (2, Read)]),
-            points: of(&[(0, Uniform), (1, Read), (2, Read), (3, Write), (4, Uint2d)]),
+            points: of(&[
+                (0, Uniform),
+                (1, Read),
+                (2, Read),
+                (3, Write),
+                (4, Uint2d),
+                (5, Uniform),
+            ]),
             aim: of(&[(0, Read)]),
             aim_head: of(&[(6, Read)]),
-            meet: of(&[(1, Write), (2, Read), (3, Read), (4, Float3d), (5, Sampler), (7, Float3d)]),
+            meet: of(&[
+                (1, Write),
+                (2, Read),
+                (3, Read),
+                (4, Float3d),
+                (5, Sampler),
+                (7, Float3d),
+                (8, Float2d),
+            ]),
         }
     }
 }
@@ -139,6 +155,7 @@ impl GatherPipelines {
             aim: of("aim", &layouts.aim),
             aim_head: of("aim_head", &layouts.aim_head),
             meet: of("meet", &layouts.meet),
+            shine: of("shine", &layouts.meet),
             cast_nearest: compute_pipeline(device, &cast, "cast_nearest", &[]),
             cast_any: compute_pipeline(device, &cast, "cast_any", &[]),
             sum: compute_pipeline(device, &sum, "sum", &[]),
@@ -236,7 +253,8 @@ impl Gather {
         ];
         let bound = group(device, &pipelines.even_out.get_bind_group_layout(0), &bound);
         let mut encoder = device.create_command_encoder(&Default::default());
-        dispatch(&mut encoder, "even out", &pipelines.even_out, &[&bound], count);
+        let threads = Threads::Count(count);
+        dispatch(&mut encoder, "even out", &pipelines.even_out, &[&bound], threads);
         queue.submit([encoder.finish()]);
         Ok(true)
     }
@@ -296,13 +314,15 @@ impl Gather {
         let origins = Origins::Points(eye, &some);
         let judged = self.collect(scene, pipelines, ask, (&origins, &list), &even, None, go_on)?;
         let Some(judged) = judged else { return Ok(None) };
-        let dims = grid.dims.to_array().map(|n| n as usize);
-        let (dims, texels) = correction(dims, &judged);
+        let (dims, texels) = correction(dims_of(&grid), &judged);
         Ok(Some(volume_texture(scene.gpu, "correction", dims, &texels)))
     }
 
+    /// A correction that changes nothing. Of the size of one that does: lavapipe compiles a shader for each kind of size.
     fn no_correction(&self, scene: &GatherScene) -> wgpu::TextureView {
-        volume_texture(scene.gpu, "correction", [1; 3], &[[f16::ONE.to_bits(); 4]])
+        let dims = scene.field.2.map_or([1; 3], |(grid, _)| dims_of(&grid));
+        let (dims, texels) = correction(dims, &[]);
+        volume_texture(scene.gpu, "correction", dims, &texels)
     }
 
     /// Writes the mean over the paths of each origin to `means`, at the places that `list` has. What the field is judged by,
@@ -340,12 +360,11 @@ impl Gather {
             }
         };
         let per_batch = (PATHS_PER_BATCH / paths as usize).max(64);
-        let most = (per_batch.min(origin_count) * paths as usize) as u64;
-        let slots = storage_of(device, "paths", 2 * size_of::<Path>() as u64 * most);
-        let kinds = if judged < strands { 4 } else { 2 };
-        let hits = storage_of(device, "hits", kinds * 16 * most);
+        let most = per_batch.min(origin_count) as u32 * paths;
+        let judges = judged < strands;
+        let flight = Flight::new(scene, pipelines, self.rays.as_deref(), most, judges);
         let scattering = scattering_group(scene, pipelines);
-        let of_meet = self.meet_group(scene, pipelines, correction, &hits);
+        let of_meet = self.meet_group(scene, pipelines, correction, &flight.hits);
         for first in (0..origin_count).step_by(per_batch) {
             if !go_on() {
                 return Ok(None);
@@ -361,37 +380,44 @@ impl Gather {
                         buffer(0, &uniform),
                         buffer(1, scene.strand_points),
                         buffer(2, scene.strand_ends),
-                        buffer(3, &slots),
+                        buffer(3, &flight.paths),
                         texture(4, scene.painted),
+                        buffer(5, &flight.queues),
                     ],
                 )
             };
             let all = count as u32 * paths;
-            let over = Cell::new(false);
-            let batch = Batch { scene, pipelines, paths: &slots, hits: &hits, count: all, over };
-            let mut encoder = device.create_command_encoder(&Default::default());
+            let mut encoder = flight.begin(all);
             let groups = [&scattering, &of_points(0), &of_aim];
-            dispatch(&mut encoder, "aim", aim, &groups, count as u32);
+            dispatch(&mut encoder, "aim", aim, &groups, Threads::Count(count as u32));
+            let mut onward = all;
             for event in 0..strands {
-                encoder = batch.cast(encoder, Cast::Nearest, self.rays.as_deref())?;
-                let groups = [&scattering, &of_points(event), &of_meet];
-                dispatch(&mut encoder, "meet", &pipelines.meet, &groups, all);
-                encoder = batch.cast(encoder, Cast::Any, self.rays.as_deref())?;
-                if batch.over.get() {
+                let of_points = of_points(event);
+                let groups = [&scattering, &of_points, &of_meet];
+                encoder = flight.cast_nearest(encoder, (all, event), onward)?;
+                encoder.copy_buffer_to_buffer(&flight.empty, 0, &flight.hits, 0, HITS_LIST);
+                dispatch(&mut encoder, "meet", &pipelines.meet, &groups, flight.threads(ONWARD));
+                flight.take_queues(&mut encoder);
+                (encoder, onward) = flight.cast_any(encoder, all)?;
+                dispatch(&mut encoder, "shine", &pipelines.shine, &groups, flight.threads(OPEN));
+                if onward == 0 {
                     break;
                 }
             }
             if let Some(means) = means {
                 let sums = sum_uniform(device, paths, at);
-                let bound = [buffer(0, &sums), buffer(1, list), buffer(3, &hits), buffer(4, means)];
+                let bound =
+                    [buffer(0, &sums), buffer(1, list), buffer(3, &flight.hits), buffer(4, means)];
                 let bound = group(device, &pipelines.sum.get_bind_group_layout(0), &bound);
-                dispatch(&mut encoder, "gather sum", &pipelines.sum, &[&bound], count as u32);
+                let threads = Threads::Count(count as u32);
+                dispatch(&mut encoder, "gather sum", &pipelines.sum, &[&bound], threads);
             }
             queue.submit([encoder.finish()]);
             scene.gpu.wait()?;
-            if judged < strands {
+            if judges {
                 let all = u64::from(all);
-                let hits: Vec<[u32; 4]> = scene.gpu.read_part(&hits, 16 * all, 3 * 16 * all)?;
+                let from = HITS_LIST + 2 * 16 * all;
+                let hits: Vec<[u32; 4]> = scene.gpu.read_part(&flight.hits, from, 3 * 16 * all)?;
                 all_judged.extend(judged_of(&hits));
             }
         }
@@ -413,9 +439,14 @@ impl Gather {
             texture(4, field),
             sampler(5, field_sampler),
             texture(7, correction),
+            texture(8, scene.sky_map),
         ];
         group(&scene.gpu.device, &pipelines.layouts.meet, &bound)
     }
+}
+
+fn dims_of(grid: &FieldGrid) -> [usize; 3] {
+    grid.dims.to_array().map(|n| n as usize)
 }
 
 /// How paths go.
@@ -429,20 +460,22 @@ struct Ask {
     judged: u32,
 }
 
-/// Of the hits of second slots and the two kinds after them, as shaders/gather.wgsl leaves them.
+/// Of what paths found and the two kinds of hits after that, as shaders/gather.wgsl leaves them.
 fn judged_of(hits: &[[u32; 4]]) -> impl Iterator<Item = Judged> {
     /// Parts of a cell in which a place is told.
     const STEPS: f32 = 32.0;
+    const KNOWN: u32 = 1 << 31;
     let all = hits.len() / 3;
     let rgb = |words: [u32; 4]| Vec3::from_array([0, 1, 2].map(|k| f32::from_bits(words[k])));
-    (0..all).map(move |path| {
+    (0..all).filter_map(move |path| {
         let [last, foretold, before] = [0, 1, 2].map(|kind| hits[kind * all + path]);
         let steps = [0, 10, 20].map(|shift| (foretold[3] >> shift & 1023) as f32 + 0.5);
-        Judged {
+        let went_on = before[3] == KNOWN;
+        (foretold[3] & KNOWN != 0).then(|| Judged {
             cell: Vec3::from_array(steps) / STEPS,
             foretold: rgb(foretold),
-            found: rgb(last) - rgb(before),
-        }
+            found: if went_on { rgb(last) - rgb(before) } else { Vec3::ZERO },
+        })
     })
 }
 
@@ -453,7 +486,6 @@ fn uniform(
     [first, count]: [u32; 2],
     event: u32,
 ) -> wgpu::Buffer {
-    let ordinates = ORDINATES as u32;
     let (grid, overlap) = scene.field.2.unwrap_or((FieldGrid::NONE, 0.0));
     let uniform = GatherUniform {
         eye,
@@ -463,16 +495,15 @@ fn uniform(
         count,
         lights: scene.light_count,
         lamps: scene.lamp_count,
-        first_ordinate: scene.light_count.saturating_sub(ordinates),
-        ordinates,
+        first_ordinate: scene.light_count.saturating_sub(ORDINATES as u32),
         ordinate_share: overlap,
         parts: scene.parts,
-        sky: scene.sky_count,
         event,
         strands,
         judged,
+        pad: [0; 2],
     };
-    uniform_buffer(&scene.gpu.device, "gather", bytemuck::bytes_of(&uniform))
+    uniform_buffer(&scene.gpu.device, "gather", bytemuck::bytes_of(&[uniform; 2]))
 }
 
 fn sum_uniform(device: &wgpu::Device, paths: u32, [first, count]: [u32; 2]) -> wgpu::Buffer {
@@ -490,97 +521,183 @@ fn scattering_group(scene: &GatherScene, pipelines: &GatherPipelines) -> wgpu::B
 
 /// A storage buffer of `size` bytes, all 0, that is read back and written to.
 fn storage_of(device: &wgpu::Device, label: &str, size: u64) -> wgpu::Buffer {
-    let usage =
-        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+    buffer_of(device, label, size, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC)
+}
+
+fn buffer_of(
+    device: &wgpu::Device,
+    label: &str,
+    size: u64,
+    usage: wgpu::BufferUsages,
+) -> wgpu::Buffer {
+    let usage = usage | wgpu::BufferUsages::COPY_DST;
     let descriptor =
         wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
     device.create_buffer(&descriptor)
 }
 
-#[derive(Clone, Copy)]
-enum Cast {
-    Nearest,
-    Any,
-}
+/// Queues: paths that go on, rays to the lights that they draw, and those of them that are open.
+const ONWARD: usize = 0;
+const SHADOWS: usize = 1;
+const OPEN: usize = 2;
 
-/// Paths whose rays are cast together.
-struct Batch<'a> {
+/// Offset of the list in `Hits` of shaders/paths.wgsl, which its queues come before.
+const HITS_LIST: u64 = 3 * size_of::<Queue>() as u64;
+
+/// Paths that are followed together, and their rays.
+struct Flight<'a> {
     scene: &'a GatherScene<'a>,
     pipelines: &'a GatherPipelines,
-    paths: &'a wgpu::Buffer,
-    hits: &'a wgpu::Buffer,
-    count: u32,
-    /// Whether none goes on, as far as is known.
-    over: Cell<bool>,
+    /// What casts rays in the device's place.
+    host: Option<&'a StrandRays>,
+    /// As shaders/paths.wgsl has them.
+    paths: wgpu::Buffer,
+    hits: wgpu::Buffer,
+    /// What `meet` left in the queues of `hits`; and queues that nothing is in.
+    queues: wgpu::Buffer,
+    empty: wgpu::Buffer,
 }
 
-impl Batch<'_> {
-    /// Casts the rays that `encoder` prepares; returns one to go on with.
-    fn cast(
+impl<'a> Flight<'a> {
+    /// For `most` paths at a time.
+    fn new(
+        scene: &'a GatherScene<'a>,
+        pipelines: &'a GatherPipelines,
+        host: Option<&'a StrandRays>,
+        most: u32,
+        judges: bool,
+    ) -> Flight<'a> {
+        use wgpu::BufferUsages as Usage;
+        let device = &scene.gpu.device;
+        let kinds = if judges { 5 } else { 3 };
+        let all = u64::from(most);
+        let usage = Usage::UNIFORM | Usage::INDIRECT | Usage::COPY_SRC;
+        let empty = buffer_of(device, "empty", HITS_LIST, Usage::COPY_SRC);
+        scene.gpu.queue.write_buffer(&empty, 0, bytemuck::bytes_of(&[Queue::of(0); 3]));
+        Flight {
+            paths: storage_of(device, "paths", 3 * size_of::<Path>() as u64 * all),
+            hits: storage_of(device, "hits", HITS_LIST + kinds * 16 * all),
+            queues: buffer_of(device, "queues", HITS_LIST, usage),
+            empty,
+            scene,
+            pipelines,
+            host,
+        }
+    }
+
+    /// With `all` paths that have found nothing yet.
+    fn begin(&self, all: u32) -> wgpu::CommandEncoder {
+        let Gpu { device, queue, .. } = self.scene.gpu;
+        let queues = [Queue::of(all), Queue::of(0), Queue::of(0)];
+        queue.write_buffer(&self.queues, 0, bytemuck::bytes_of(&queues));
+        let mut encoder = device.create_command_encoder(&Default::default());
+        encoder.clear_buffer(&self.hits, HITS_LIST, None);
+        encoder
+    }
+
+    /// A thread for each of a queue.
+    fn threads(&self, queue: usize) -> Threads<'_> {
+        Threads::Queue(&self.queues, (queue * size_of::<Queue>()) as u64)
+    }
+
+    /// Has dispatches follow the queues that grew.
+    fn take_queues(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.copy_buffer_to_buffer(&self.hits, 0, &self.queues, 0, HITS_LIST);
+    }
+
+    /// Casts the rays of paths that go on, `count` of them where the host casts.
+    fn cast_nearest(
         &self,
         mut encoder: wgpu::CommandEncoder,
-        cast: Cast,
-        host: Option<&StrandRays>,
+        (all, event): (u32, u32),
+        count: u32,
     ) -> Result<wgpu::CommandEncoder> {
-        let Gpu { device, queue, .. } = self.scene.gpu;
-        let Some(rays) = host else {
-            self.on_device(&mut encoder, cast);
+        let first = (event & 1) * all;
+        let Some(rays) = self.host else {
+            let uniform = CastUniform { first, all, head: [0; 2] };
+            self.on_device(&mut encoder, &self.pipelines.cast_nearest, uniform, ONWARD);
             return Ok(encoder);
         };
+        let Gpu { device, queue, .. } = self.scene.gpu;
         queue.submit([encoder.finish()]);
-        let gpu = self.scene.gpu;
-        let count = u64::from(self.count);
-        let first = match cast {
-            Cast::Nearest => 0,
-            Cast::Any => count,
+        let paths = self.read_paths(first, count)?;
+        let cast = |path: &Path| match path.most {
+            most if most <= 0.0 => words(Met::Nothing),
+            _ => words(rays.cast_nearest(&self.ray(path))),
         };
-        let size = size_of::<Path>() as u64;
-        let paths: Vec<Path> = gpu.read_part(self.paths, size * first, size * count)?;
-        let mut hits = match cast {
-            Cast::Nearest => vec![words(Met::Nothing); paths.len()],
-            Cast::Any => gpu.read_part(self.hits, 16 * first, 16 * count)?,
-        };
-        let ray = |path: &Path| {
-            let strand = self.scene.strand_of[path.own[0] as usize];
-            let radius = path.clear / CLEAR_RADII;
-            StrandRay::along(path.origin, radius, strand, path.direction, path.most)
-        };
-        if let Cast::Nearest = cast {
-            self.over.set(paths.iter().all(|path| path.most <= 0.0));
-        }
-        hits.par_iter_mut().zip(&paths).with_min_len(256).for_each(|(hit, path)| match cast {
-            _ if path.most <= 0.0 => {}
-            Cast::Nearest => *hit = words(rays.cast_nearest(&ray(path))),
-            Cast::Any if rays.cast_any(&ray(path)) => {
-                for (word, more) in hit.iter_mut().zip(path.weight.to_array()) {
-                    *word = (f32::from_bits(*word) + more).to_bits();
-                }
-            }
-            Cast::Any => {}
-        });
-        queue.write_buffer(self.hits, 16 * first, bytemuck::cast_slice(&hits));
+        let hits: Vec<[u32; 4]> = paths.par_iter().with_min_len(256).map(cast).collect();
+        queue.write_buffer(&self.hits, HITS_LIST, bytemuck::cast_slice(&hits));
         Ok(device.create_command_encoder(&Default::default()))
     }
 
-    fn on_device(&self, encoder: &mut wgpu::CommandEncoder, cast: Cast) {
+    /// Casts rays to lights, and lists those that are open; how many paths go on, as far as that is known.
+    fn cast_any(
+        &self,
+        mut encoder: wgpu::CommandEncoder,
+        all: u32,
+    ) -> Result<(wgpu::CommandEncoder, u32)> {
+        let first = 2 * all;
+        let Some(rays) = self.host else {
+            let uniform = CastUniform { first, all, head: [0; 2] };
+            self.on_device(&mut encoder, &self.pipelines.cast_any, uniform, SHADOWS);
+            self.take_queues(&mut encoder);
+            return Ok((encoder, all));
+        };
+        let Gpu { device, queue, .. } = self.scene.gpu;
+        queue.submit([encoder.finish()]);
+        let queues: Vec<Queue> = self.scene.gpu.read(&self.queues)?;
+        let paths = self.read_paths(first, queues[SHADOWS].count)?;
+        let open: Vec<[u32; 4]> = (paths.par_iter().enumerate().with_min_len(256))
+            .filter(|(_, path)| rays.cast_any(&self.ray(path)))
+            .map(|(at, _)| [at as u32, 0, 0, 0])
+            .collect();
+        queue.write_buffer(
+            &self.hits,
+            HITS_LIST + 16 * u64::from(all),
+            bytemuck::cast_slice(&open),
+        );
+        let queues = [queues[ONWARD], queues[SHADOWS], Queue::of(open.len() as u32)];
+        queue.write_buffer(&self.queues, 0, bytemuck::bytes_of(&queues));
+        let encoder = device.create_command_encoder(&Default::default());
+        Ok((encoder, queues[ONWARD].count))
+    }
+
+    fn read_paths(&self, first: u32, count: u32) -> Result<Vec<Path>> {
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let [first, size] = [first, count].map(|n| size_of::<Path>() as u64 * u64::from(n));
+        self.scene.gpu.read_part(&self.paths, first, size)
+    }
+
+    fn ray(&self, path: &Path) -> StrandRay {
+        let strand = self.scene.strand_of[path.own[0] as usize];
+        let radius = path.clear / CLEAR_RADII;
+        StrandRay::along(path.origin, radius, strand, path.direction, path.most)
+    }
+
+    fn on_device(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        pipeline: &wgpu::ComputePipeline,
+        uniform: CastUniform,
+        queue: usize,
+    ) {
         let Some(([bvh, items, shapes], head)) = self.scene.traced.met() else { return };
         let device = &self.scene.gpu.device;
-        let pipeline = match cast {
-            Cast::Nearest => &self.pipelines.cast_nearest,
-            Cast::Any => &self.pipelines.cast_any,
-        };
-        let uniform = CastUniform { count: self.count, pad: 0, head };
+        let uniform = CastUniform { head, ..uniform };
         let uniform = uniform_buffer(device, "cast", bytemuck::bytes_of(&uniform));
         let bound = [
             buffer(0, bvh),
             buffer(1, items),
             buffer(3, shapes),
-            buffer(4, self.paths),
-            buffer(5, self.hits),
+            buffer(4, &self.paths),
+            buffer(5, &self.hits),
             buffer(6, &uniform),
+            buffer(7, &self.queues),
         ];
         let bound = group(device, &pipeline.get_bind_group_layout(0), &bound);
-        dispatch(encoder, "cast", pipeline, &[&bound], self.count);
+        dispatch(encoder, "cast", pipeline, &[&bound], self.threads(queue));
     }
 }
 
@@ -595,18 +712,28 @@ fn words(met: Met) -> [u32; 4] {
     }
 }
 
-/// Runs one thread for each of `count` items, 64 in a workgroup.
+/// Threads of a dispatch, 64 in a workgroup.
+#[derive(Clone, Copy)]
+enum Threads<'a> {
+    Count(u32),
+    /// As many as a queue (`Queue` of shaders/paths.wgsl) says that is at this offset.
+    Queue(&'a wgpu::Buffer, u64),
+}
+
 fn dispatch(
     encoder: &mut wgpu::CommandEncoder,
     label: &'static str,
     pipeline: &wgpu::ComputePipeline,
     groups: &[&wgpu::BindGroup],
-    count: u32,
+    threads: Threads,
 ) {
     let mut pass = begin(encoder, label, None);
     pass.set_pipeline(pipeline);
     for (place, group) in (0..).zip(groups) {
         pass.set_bind_group(place, *group, &[]);
     }
-    pass.dispatch_workgroups(count.div_ceil(64), 1, 1);
+    match threads {
+        Threads::Count(count) => pass.dispatch_workgroups(count.div_ceil(64), 1, 1),
+        Threads::Queue(queues, offset) => pass.dispatch_workgroups_indirect(queues, offset),
+    }
 }

@@ -36,6 +36,8 @@ const VISIBLE: f64 = 1.0 / 512.0;
 pub struct MethodData {
     pub integrator: Integrator,
     pub fibre: FibreUniform,
+    /// Of the quadrature over θ_i: nodes (`fast`) or segments m ≥ 2 (`xu`).
+    pub nodes: u32,
     /// At bindings 1 and 2.
     pub tables: [Vec<u8>; 2],
     /// Single scattering by dense quadrature in the method's place, for judging the rest; for round fibres.
@@ -128,7 +130,8 @@ impl MethodData {
         let seen = |fibre: &Fibre| visible_modes(&Fast::new(fibre, model, &tables));
         Self {
             integrator: Integrator::Fast(model),
-            fibre: FibreUniform::over(base, &layers, fibres.linked(), model, nodes),
+            fibre: FibreUniform::over(base, &layers, fibres.linked(), model),
+            nodes,
             modes: fibres.sample(JUDGED).iter().fold(0, |all, fibre| all | seen(fibre)),
             tables: [bytes(tables.azimuth.to_gpu()), bytes(&tables.nodes.to_gpu())],
             exact_single: false,
@@ -151,7 +154,8 @@ impl MethodData {
         };
         Self {
             integrator: Integrator::Xu,
-            fibre: FibreUniform::new(fibre, Model::Marschner, segments),
+            fibre: FibreUniform::new(fibre, Model::Marschner),
+            nodes: segments,
             tables: [
                 bytes(&tables.to_gpu()),
                 bytes(&xu::fibre_table(fibre, segments, energy, tables)),
@@ -205,6 +209,7 @@ impl MethodData {
             ("ECCENTRIC", f64::from(self.general || self.fibre.eta_layers > 1)),
             ("PAINTED", f64::from(self.fibres.painted())),
             ("MODES", f64::from(modes)),
+            ("NODES", f64::from(self.nodes)),
         ]
     }
 }

@@ -8,6 +8,7 @@ pub mod method;
 pub mod probe;
 mod resources;
 pub mod shaders;
+pub mod sky_map;
 mod timer;
 pub mod transmittance;
 pub mod uniforms;

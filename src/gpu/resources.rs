@@ -53,6 +53,8 @@ pub(super) enum Bound {
     Write,
     /// A texture of integers.
     Uint2d,
+    /// A texture of whole texels.
+    Float2d,
     /// A texture that is read between its texels.
     Float3d,
     Sampler,
@@ -77,6 +79,10 @@ pub(super) fn layout(device: &wgpu::Device, bindings: &[(u32, Bound)]) -> wgpu::
             Bound::Uint2d => {
                 of_texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2)
             }
+            Bound::Float2d => of_texture(
+                wgpu::TextureSampleType::Float { filterable: false },
+                wgpu::TextureViewDimension::D2,
+            ),
             Bound::Float3d => of_texture(
                 wgpu::TextureSampleType::Float { filterable: true },
                 wgpu::TextureViewDimension::D3,

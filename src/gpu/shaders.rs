@@ -165,7 +165,7 @@ impl Shaders {
 
     /// Entry points `sum`, `even_out`.
     pub fn gather_sum(&self) -> String {
-        self.text("gather_sum.wgsl").to_owned()
+        self.join(&["paths.wgsl", "gather_sum.wgsl"])
     }
 
     /// Entry point `transmittance`.

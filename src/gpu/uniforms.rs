@@ -15,7 +15,8 @@ pub struct FibreUniform {
     pub alpha: [f32; 3],
     pub eta: f32,
     pub lambda: [f32; 3],
-    pub nodes: u32,
+    /// Bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted.
+    pub linked: u32,
     pub sigma_a: [f32; 3],
     pub blur: f32,
     pub eta_star: [f32; 2],
@@ -23,26 +24,24 @@ pub struct FibreUniform {
     pub eta_per_layer: f32,
     pub eta_layers: u32,
     pub w_c: f32,
-    /// Bits: β_TT, β_TRT, α_TT, α_TRT follow R's where that is painted.
-    pub linked: u32,
-    _pad: u32,
+    _pad: [u32; 2],
     /// RGB of R, TT, TRT, each with a number that is not read.
     pub tint: [[f32; 4]; 3],
 }
 
 impl FibreUniform {
-    /// The fibre, and the nodes (`fast`) or segments m ≥ 2 (`xu`) of the quadrature over θ_i.
-    pub fn new(fibre: &Fibre, model: Model, nodes: u32) -> Self {
-        Self::over(fibre, &FitLayers::new(fibre), 0, model, nodes)
+    /// One fibre alone.
+    pub fn new(fibre: &Fibre, model: Model) -> Self {
+        Self::over(fibre, &FitLayers::new(fibre), 0, model)
     }
 
     /// The same where other fibres within `layers` are there as well, which `linked` is for.
-    pub fn over(fibre: &Fibre, layers: &FitLayers, linked: u32, model: Model, nodes: u32) -> Self {
+    pub fn over(fibre: &Fibre, layers: &FitLayers, linked: u32, model: Model) -> Self {
         Self {
             alpha: fibre.alpha.map(|a| a as f32),
             eta: fibre.eta as f32,
             lambda: fibre.beta.map(|b| longitudinal_bandwidth(b) as f32),
-            nodes,
+            linked,
             sigma_a: fibre.sigma_a.map(|s| s as f32),
             blur: model.blur(fibre) as f32,
             eta_star: [layers.mean as f32, layers.half as f32],
@@ -50,8 +49,7 @@ impl FibreUniform {
             eta_per_layer: layers.per_eta() as f32,
             eta_layers: layers.count as u32,
             w_c: fibre.w_c as f32,
-            linked,
-            _pad: 0,
+            _pad: [0; 2],
             tint: fibre.tint.map(|[r, g, b]| [r as f32, g as f32, b as f32, 0.0]),
         }
     }
@@ -161,7 +159,8 @@ pub struct Path {
     pub direction: Vec3,
     pub clear: f32,
     pub weight: Vec3,
-    pub pad: u32,
+    /// Place among the paths that are followed together.
+    pub id: u32,
     pub own: [u32; 2],
     pub draw: [u32; 2],
 }
@@ -178,6 +177,22 @@ pub struct HeadPlace {
     pub pad: u32,
 }
 
+/// `Queue` of shaders/paths.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Queue {
+    /// Of a dispatch with a thread for each.
+    pub workgroups: [u32; 3],
+    pub count: u32,
+}
+
+impl Queue {
+    /// With `count` in it.
+    pub fn of(count: u32) -> Queue {
+        Queue { workgroups: [count.div_ceil(64), 1, 1], count }
+    }
+}
+
 /// `Gather` of shaders/gather.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -190,21 +205,21 @@ pub struct GatherUniform {
     pub lights: u32,
     pub lamps: u32,
     pub first_ordinate: u32,
-    pub ordinates: u32,
     pub ordinate_share: f32,
     pub parts: u32,
-    pub sky: u32,
     pub event: u32,
     pub strands: u32,
     pub judged: u32,
+    pub pad: [u32; 2],
 }
 
 /// `Cast` of shaders/cast.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct CastUniform {
-    pub count: u32,
-    pub pad: u32,
+    /// Place of the first path that is cast, and how many are followed together.
+    pub first: u32,
+    pub all: u32,
     pub head: [u32; 2],
 }
 
