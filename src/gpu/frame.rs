@@ -121,8 +121,8 @@ pub struct Sight {
     lens: Lens,
     sampling: Sampling,
     work: Work,
-    /// The segments that are seen, where frames draw them again.
-    ribbons: Option<Ribbons>,
+    /// What frames draw again, with more samples than looked for it.
+    again: Option<SeenAgain>,
     /// Strand points that its frames need, each once.
     pub points: Vec<u32>,
     /// What they show of the head.
@@ -130,6 +130,19 @@ pub struct Sight {
     /// GPU milliseconds that it took, as [`Frame::passes`], of which they are a part.
     passes: BTreeMap<&'static str, f64>,
 }
+
+/// Segments that were seen, and those beside them on their strands, with points of no light of their own.
+struct SeenAgain {
+    ribbons: Ribbons,
+    /// Pairs: such a point, and the nearest that was seen.
+    fringe: wgpu::Buffer,
+    fringe_count: u32,
+}
+
+/// Points beside those that were seen: a look misses segments of which it meets few samples, most at thin tips. Without them
+/// hair would cover 0.9 % less of a 360×240 bob, and 2.9 % less of straight hair.
+const FRINGE: usize = 4;
+const NONE: u32 = u32::MAX;
 
 /// Cull threshold: a narrow light is skipped at a point where it delivers less than this share of the mean irradiance of a
 /// light, and a lobe of the fibre where less comes through it. What that leaves out of a frame is below 0.1 % (tests/work.rs).
@@ -170,6 +183,7 @@ struct Fixed {
     hair: wgpu::RenderPipeline,
     head: wgpu::RenderPipeline,
     mark: wgpu::ComputePipeline,
+    spread: wgpu::ComputePipeline,
     resolve: wgpu::ComputePipeline,
     backdrop: wgpu::ComputePipeline,
 }
@@ -179,11 +193,13 @@ impl Fixed {
         let raster = module(device, "raster", &shaders.raster());
         let mark = module(device, "mark", &shaders.mark());
         let resolve = module(device, "resolve", &shaders.resolve());
+        let fringe = module(device, "fringe", &shaders.fringe());
         let with_head = [("WITH_HEAD", f64::from(with_head))];
         Fixed {
             hair: raster_pipeline(device, &raster, "hair"),
             head: raster_pipeline(device, &raster, "head"),
             mark: compute_pipeline(device, &mark, "mark", &[]),
+            spread: compute_pipeline(device, &fringe, "spread", &[]),
             resolve: compute_pipeline(device, &resolve, "resolve", &with_head),
             backdrop: compute_pipeline(device, &resolve, "backdrop", &[]),
         }
@@ -461,17 +477,43 @@ impl Renderer {
         let points = work.listed(&self.gpu)?;
         let head = work.head(&self.gpu, &[*lens], sampling)?;
         let passes = timer.read(&self.gpu)?;
-        let ribbons = (sampling.passes > 1).then(|| self.ribbons_between(&points));
-        Ok(Sight { lens: *lens, sampling, work, ribbons, points, head, passes })
+        let again = (sampling.passes > 1).then(|| self.seen_again(&points));
+        Ok(Sight { lens: *lens, sampling, work, again, points, head, passes })
     }
 
-    /// The segments that are drawn of which `points` has both ends.
-    fn ribbons_between(&self, points: &[u32]) -> Ribbons {
+    /// What finer passes draw where a look saw `points`.
+    fn seen_again(&self, points: &[u32]) -> SeenAgain {
         let mut seen = vec![false; self.points as usize];
         points.iter().for_each(|&point| seen[point as usize] = true);
-        let ends = |&first: &u32| seen[first as usize] && seen[first as usize + 1];
-        let segments: Vec<u32> = self.drawn.iter().copied().filter(ends).collect();
-        Ribbons::new(&self.gpu.device, &segments, self.pieces)
+        let nearest = self.nearest_known(|point| seen[point]);
+        let there = |first: u32| [0, 1].iter().all(|end| nearest[(first + end) as usize] != NONE);
+        let segments: Vec<u32> = self.drawn.iter().copied().filter(|&first| there(first)).collect();
+        let beside = (0..).zip(&nearest).filter(|&(point, &known)| known != NONE && known != point);
+        let fringe: Vec<[u32; 2]> = beside.map(|(point, &known)| [point, known]).collect();
+        let device = &self.gpu.device;
+        SeenAgain {
+            ribbons: Ribbons::new(device, &segments, self.pieces),
+            fringe_count: fringe.len() as u32,
+            fringe: storage(device, "fringe", bytemuck::cast_slice(&fringe)),
+        }
+    }
+
+    /// The nearest point on its strand of each that is `known`, itself or within [`FRINGE`]; [`NONE`] where none is.
+    fn nearest_known(&self, known: impl Fn(usize) -> bool) -> Vec<u32> {
+        let strand = &self.strand_of;
+        let mut nearest: Vec<u32> =
+            (0..strand.len()).map(|p| if known(p) { p as u32 } else { NONE }).collect();
+        let first = nearest.clone();
+        for step in 1..=FRINGE {
+            for p in (0..strand.len()).filter(|&p| first[p] != NONE) {
+                for q in [p.wrapping_sub(step), p + step] {
+                    if nearest.get(q) == Some(&NONE) && strand[q] == strand[p] {
+                        nearest[q] = p as u32;
+                    }
+                }
+            }
+        }
+        nearest
     }
 
     /// The frame of what `sight` saw, in the light that is set at its points, as [`Self::render`] makes it. `go_on` is
@@ -483,7 +525,7 @@ impl Renderer {
         parts: Parts,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Option<Frame>> {
-        let Sight { lens, sampling, work, ribbons, points, passes, .. } = sight;
+        let Sight { lens, sampling, work, again, points, passes, .. } = sight;
         let mut timer = PassTimer::new(&self.gpu);
         let begun = Instant::now();
         let Some(gathered) = self.gather(sight, parts, go_on)? else { return Ok(None) };
@@ -496,10 +538,13 @@ impl Renderer {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         encoder.clear_buffer(&work.sum, 0, None);
         encoder.clear_buffer(&work.hair_sum, 0, None);
+        if let Some(again) = again {
+            self.spread(&mut encoder, again, work);
+        }
         for pass in 0..sampling.passes {
             let view = self.view(lens, background, *sampling, pass);
             // What one pass saw is there still.
-            if let Some(ribbons) = ribbons {
+            if let Some(SeenAgain { ribbons, .. }) = again {
                 self.raster(&mut encoder, timer.render("raster"), work, (&view, ribbons));
             }
             self.resolve(&mut encoder, &mut timer, work, &view);
@@ -767,10 +812,11 @@ impl Renderer {
         self.known.as_ref().unwrap_or(&self.traced.table)
     }
 
-    /// Draws the segments of which T̃ is known at both ends.
+    /// Draws the segments of which T̃ is known at both ends, and those beside them.
     fn draw_known(&mut self) {
         let table = self.table();
-        let known = |first: &u32| table.has(*first as usize) && table.has(*first as usize + 1);
+        let nearest = self.nearest_known(|point| table.has(point));
+        let known = |&first: &u32| [0, 1].iter().all(|end| nearest[(first + end) as usize] != NONE);
         let segments = self.every_segment.iter().copied().filter(known).collect();
         self.draw_segments(self.pieces, segments);
     }
@@ -953,6 +999,16 @@ impl Renderer {
             }
         }
         whole.context("a frame has no pixels")
+    }
+
+    /// Gives points beside those that are seen the light of these.
+    fn spread(&self, encoder: &mut wgpu::CommandEncoder, again: &SeenAgain, work: &Work) {
+        let layout = self.fixed.spread.get_bind_group_layout(0);
+        let bound = bind(&self.gpu.device, &layout, &[&again.fringe, &work.radiance]);
+        let mut compute = begin(encoder, "spread", None);
+        compute.set_pipeline(&self.fixed.spread);
+        compute.set_bind_group(0, &bound, &[]);
+        compute.dispatch_workgroups(again.fringe_count.div_ceil(64), 1, 1);
     }
 
     /// Adds a pass's share of each pixel.

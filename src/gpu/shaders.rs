@@ -17,7 +17,7 @@ macro_rules! files {
 }
 
 /// Every file, by its path in shaders/.
-const FILES: [(&str, &str); 33] = files![
+const FILES: [(&str, &str); 34] = files![
     "angles.wgsl",
     "arrival.wgsl",
     "azimuth_table.wgsl",
@@ -37,6 +37,7 @@ const FILES: [(&str, &str); 33] = files![
     "lamp.wgsl",
     "longitudinal.wgsl",
     "mark.wgsl",
+    "fringe.wgsl",
     "marschner.wgsl",
     "nodes.wgsl",
     "occlusion.wgsl",
@@ -140,6 +141,11 @@ impl Shaders {
         self.join(&["view.wgsl", "raster.wgsl"])
     }
 
+    /// Entry point `spread`.
+    pub fn fringe(&self) -> String {
+        self.text("fringe.wgsl").to_owned()
+    }
+
     /// Entry point `mark`.
     pub fn mark(&self) -> String {
         self.join(&["view.wgsl", "mark.wgsl"])
@@ -191,10 +197,11 @@ impl Shaders {
     }
 
     /// Every pass's shader with its name.
-    pub fn passes(&self) -> [(&'static str, String); 12] {
+    pub fn passes(&self) -> [(&'static str, String); 13] {
         [
             ("raster", self.raster()),
             ("mark", self.mark()),
+            ("fringe", self.fringe()),
             ("transmittance", self.transmittance()),
             ("head light", self.head_light()),
             ("shade, fast", self.shade(Integrator::Fast(Model::Marschner))),
