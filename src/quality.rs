@@ -3,14 +3,16 @@
 //!
 //! The error is a relative L2 over hair, the root of the sum of squares of its causes. Each has a law of few numbers,
 //! calibrated on the builtin bob, black, blond and white, under studio, sunset and overcast, path traced at 120×90
-//! (tests/quality.rs: expected over measured is 0.70 to 1.97).
+//! (tests/quality.rs: expected over measured is 0.62 to 1.16).
 //!
 //! - fit: the fit's own error after a blur of λ = 0.3. With ten lights instead of forty a frame of black hair under
 //!   studio is 4.5 % further off, and the fit 4.0 %.
 //! - integrals: of the method, tests/fast.rs. With two nodes `fast` is far below the other causes, so nodes are not
 //!   among the settings.
 //! - transmittance: the noise of few rays, which pixels of many strands even out, and shadows finer than a segment.
-//! - multiple scattering: by the share of light that a fibre keeps alive.
+//! - multiple scattering: by the share of light that a fibre keeps alive; and the noise of the paths that gather it and the
+//!   sky, by how uneven the sky is.
+//! - points: what a strand shows between its points, which pale hair evens out.
 //! - coverage: by samples, and less for wider strands.
 //! - skipping: `Renderer::negligible`.
 //!
@@ -32,7 +34,7 @@ use crate::scattering::fast::Fast;
 use crate::scattering::fibre::Fibre;
 use crate::scattering::model::Model;
 use crate::scene::{Lens, Scene, Target};
-use crate::srbf::{self, SrbfLight};
+use crate::srbf::{self, ORDINATES, SrbfLight};
 use crate::transport::draws::RAYS_A_POINT;
 
 /// What error is bought with.
@@ -85,6 +87,7 @@ pub struct Expected {
     pub integrals: f64,
     pub transmittance: f64,
     pub multiple: f64,
+    pub points: f64,
     pub coverage: f64,
     pub skipping: f64,
 }
@@ -94,12 +97,13 @@ impl fmt::Display for Expected {
         let percent = |x: f64| format!("{:.*} %", usize::from(x < 0.0995), 100.0 * x);
         write!(
             f,
-            "{} = fit {} ⊕ integrals {} ⊕ transmittance {} ⊕ multiple {} ⊕ coverage {} ⊕ skipping {}",
+            "{} = fit {} ⊕ integrals {} ⊕ transmittance {} ⊕ multiple {} ⊕ points {} ⊕ coverage {} ⊕ skipping {}",
             percent(self.total),
             percent(self.fit),
             percent(self.integrals),
             percent(self.transmittance),
             percent(self.multiple),
+            percent(self.points),
             percent(self.coverage),
             percent(self.skipping)
         )
@@ -111,6 +115,8 @@ impl fmt::Display for Expected {
 pub struct Facts {
     /// Root mean square over mean of the light after a blur of λ = 0.3; 1 for even light.
     pub contrast: f64,
+    /// Root mean square of the sky about its mean, over the mean of all light.
+    pub sky: f64,
     /// Share of light that a fibre scatters.
     pub albedo: f64,
     /// Of a strand in the picture, at its thickest.
@@ -140,7 +146,12 @@ impl Facts {
             |fibre: &Fibre| Fast::new(&fibre.passed_on(), model, &tables).albedo(MEAN_INCLINATION);
         let sum: f64 = fibres.iter().flat_map(albedo).sum();
         let albedo = sum / (3 * fibres.len()) as f64;
-        Facts { contrast: contrast(lights), albedo, width_px, multiple, integrator }
+        let sky = &lights[lights.len().saturating_sub(ORDINATES)..];
+        let [mean, _] = moments(lights, BLUR);
+        let [sky_mean, sky_root] = moments(sky, 0.0);
+        let sky = (sky_root * sky_root - sky_mean * sky_mean).max(0.0).sqrt()
+            / mean.max(f64::MIN_POSITIVE);
+        Facts { contrast: contrast(lights), sky, albedo, width_px, multiple, integrator }
     }
 
     /// The error of a frame whose fit is `fit` off.
@@ -152,17 +163,18 @@ impl Facts {
             * self.contrast.powf(CONTRAST_POWER)
             * RAY_ERROR
             * settings.rays.powf(-RAY_POWER);
-        let multiple = match self.multiple {
-            true => {
-                let [bias, noise] = match self.integrator {
-                    Integrator::Xu => XU_MULTIPLE_ERROR,
-                    Integrator::Fast(_) => MULTIPLE_ERROR,
-                };
-                let error = bias.hypot(noise * settings.rays.powf(-0.5));
-                error * self.albedo * self.contrast.powf(MULTIPLE_POWER)
-            }
-            false => 0.0,
+        let kept = self.albedo * self.contrast.powf(MULTIPLE_POWER);
+        let multiple = match (self.multiple, self.integrator) {
+            (true, Integrator::Xu) => XU_MULTIPLE_ERROR * kept,
+            (true, Integrator::Fast(_)) => MULTIPLE_ERROR * kept,
+            (false, _) => 0.0,
         };
+        let paths = match self.integrator {
+            Integrator::Xu => 0.0,
+            Integrator::Fast(_) => PATH_ERROR * self.sky * settings.rays.powf(-0.5),
+        };
+        let multiple = multiple.hypot(paths);
+        let points = POINT_ERROR * pale * pale;
         let thin = (0.1 / self.width_px.max(1e-3)).powf(0.8).clamp(0.1, 3.0);
         let coverage = pale * COVERAGE_ERROR * thin * f64::from(settings.samples).powf(-0.8);
         let integrals = match self.integrator {
@@ -170,9 +182,9 @@ impl Facts {
             Integrator::Fast(_) => 0.006,
         };
         let skipping = settings.negligible;
-        let causes = [fit, integrals, transmittance, multiple, coverage, skipping];
+        let causes = [fit, integrals, transmittance, multiple, points, coverage, skipping];
         let total = causes.iter().map(|e| e * e).sum::<f64>().sqrt();
-        Expected { total, fit, integrals, transmittance, multiple, coverage, skipping }
+        Expected { total, fit, integrals, transmittance, multiple, points, coverage, skipping }
     }
 }
 
@@ -182,9 +194,13 @@ const MEAN_INCLINATION: f64 = 0.5;
 const RAY_ERROR: f64 = 0.02;
 const RAY_POWER: f64 = 0.4;
 const CONTRAST_POWER: f64 = 0.5;
-/// Of a fibre that loses nothing, under even light, what stays and the noise of the usual paths: by `fast` and by `xu`.
-const MULTIPLE_ERROR: [f64; 2] = [0.03, 0.04];
-const XU_MULTIPLE_ERROR: [f64; 2] = [0.3, 0.0];
+/// Of a fibre that loses nothing, under even light: by `fast` and by `xu`.
+const MULTIPLE_ERROR: f64 = 0.025;
+const XU_MULTIPLE_ERROR: f64 = 0.3;
+/// Of the usual paths, under a sky that is off its mean by the mean of all light.
+const PATH_ERROR: f64 = 0.08;
+/// Of hair that sends nothing on.
+const POINT_ERROR: f64 = 0.115;
 const MULTIPLE_POWER: f64 = 0.65;
 /// Of black hair of a tenth of a pixel at one sample.
 const COVERAGE_ERROR: f64 = 0.9;
@@ -383,14 +399,22 @@ impl Pick {
     }
 }
 
-/// Root mean square over mean of what lights send, blurred by λ = 0.3, over directions and channels.
+/// Bandwidth by which hair blurs what it sees.
+const BLUR: f64 = 0.3;
+
+/// Root mean square over mean of what lights send, blurred, over directions and channels.
 fn contrast(lights: &[SrbfLight]) -> f64 {
-    const BLUR: f64 = 0.3;
+    let [mean, root] = moments(lights, BLUR);
+    if mean > 0.0 { root / mean } else { 1.0 }
+}
+
+/// Mean and root mean square over directions of what lights send, its channels together, blurred by this bandwidth.
+fn moments(lights: &[SrbfLight], blur: f64) -> [f64; 2] {
     const DIRECTIONS: usize = 512;
     let blurred: Vec<SrbfLight> = lights
         .iter()
         .map(|light| {
-            let lambda = light.lambda.hypot(BLUR);
+            let lambda = light.lambda.hypot(blur);
             let scale = srbf::lobe_integral(light.lambda) / srbf::lobe_integral(lambda);
             SrbfLight { lambda, rgb: light.rgb.map(|c| c * scale), ..*light }
         })
@@ -402,7 +426,7 @@ fn contrast(lights: &[SrbfLight]) -> f64 {
         sum += radiance;
         squares += radiance * radiance;
     }
-    if sum > 0.0 { (DIRECTIONS as f64 * squares).sqrt() / sum } else { 1.0 }
+    [sum / DIRECTIONS as f64, (squares / DIRECTIONS as f64).sqrt()]
 }
 
 /// Nanoseconds of a pair of a point and a light on this device, from one small run.

@@ -13,6 +13,7 @@ use crate::frames::{capture, json};
 
 const FACTS: Facts = Facts {
     contrast: 1.8,
+    sky: 0.5,
     albedo: 0.1,
     width_px: 0.1,
     multiple: true,
@@ -35,14 +36,14 @@ fn more_time_buys_no_more_error_and_less_error_takes_no_less_time() {
     }
     assert!(!picked(Target::FrameMs(1.0)).reached && picked(Target::FrameMs(1000.0)).reached);
     let mut last = 0.0;
-    for error in [0.5, 0.3, 0.2, 0.1, 0.01] {
+    for error in [0.5, 0.3, 0.2, 0.15, 0.01] {
         let pick = picked(Target::Error(error));
         println!("{}", pick.line(Target::Error(error)));
         assert_eq!(pick.reached, pick.expected.total <= error);
         assert!(pick.frame_ms >= 0.9 * last, "{error}");
         last = pick.frame_ms;
     }
-    assert!(!picked(Target::Error(0.01)).reached && picked(Target::Error(0.1)).reached);
+    assert!(!picked(Target::Error(0.01)).reached && picked(Target::Error(0.15)).reached);
 }
 
 #[test]
@@ -88,7 +89,7 @@ fn the_expected_error_is_the_measured_one_within_a_factor_of_two() {
             let expected = figures["quality"]["total"].as_f64().unwrap();
             let ratio = expected / measured;
             println!("{map} {preset} {quality}: expected {expected:.3}, measured {measured:.3}: {ratio:.2}");
-            if !(0.5..=2.0).contains(&ratio) {
+            if !(0.55..=1.5).contains(&ratio) {
                 off.push(format!("{map} {preset} {quality}: {ratio:.2}"));
             }
             (expected, measured)

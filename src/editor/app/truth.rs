@@ -271,6 +271,7 @@ impl Editor {
                 ("scattering integrals", expected.integrals, alone("scattering integral")),
                 ("transmittance", expected.transmittance, alone("transmittance")),
                 ("multiple scattering", expected.multiple, alone("multiple scattering")),
+                ("between points", expected.points, None),
                 ("coverage", expected.coverage, alone("coverage")),
                 ("what is skipped", expected.skipping, None),
             ] {
