@@ -237,7 +237,8 @@ const FIGURES: &str = "\
     image.non_finite_pixels C, image.width C, \
     memory.peak_bytes C, \
     quality.albedo N, quality.contrast N, quality.coverage N, quality.fit N, \
-    quality.integrals N, quality.lights C, quality.multiple N, quality.negligible N, quality.points N, \
+    quality.integrals N, quality.lights C, quality.multiple N, quality.narrow N, quality.negligible N, \
+    quality.points N, \
     quality.rays N, quality.samples C, quality.skipping N, quality.sky N, quality.total N, quality.transmittance N, \
     quality.width_px N, timing.frame_ms N, timing.passes *, timing.setup_ms N, timing.total_ms N, \
     transport.mean_abs_delta_t 0, transport.mean_delta_t 0, transport.mean_delta_t_lit 0, \
