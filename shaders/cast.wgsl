@@ -9,12 +9,12 @@ struct Cast {
 @group(0) @binding(4) var<storage, read> paths: array<Path>;
 @group(0) @binding(5) var<storage, read_write> hits: Hits;
 @group(0) @binding(6) var<uniform> rays: Cast;
-@group(0) @binding(7) var<uniform> queues: array<Queue, 3>;
+@group(0) @binding(7) var<uniform> queues: Queues;
 
 // What each ray meets first.
 @compute @workgroup_size(64)
 fn cast_nearest(@builtin(global_invocation_id) id: vec3u) {
-    if (id.x >= queues[0].count) {
+    if (id.x >= queues.onward.count) {
         return;
     }
     let path = paths[rays.first + id.x];
@@ -54,7 +54,7 @@ fn cast_nearest(@builtin(global_invocation_id) id: vec3u) {
 // Lists the rays to lights that nothing stands in the way of.
 @compute @workgroup_size(64)
 fn cast_any(@builtin(global_invocation_id) id: vec3u) {
-    if (id.x >= queues[1].count) {
+    if (id.x >= queues.shadows.count) {
         return;
     }
     let path = paths[rays.first + id.x];

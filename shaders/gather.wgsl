@@ -42,9 +42,9 @@ var<private> gather: Gather;
 @group(1) @binding(2) var<storage, read> strand_ends: array<vec2u>;     // of each point: first and last of its strand
 @group(1) @binding(3) var<storage, read_write> paths: array<Path>;
 @group(1) @binding(4) var painted: texture_2d<u32>;
-@group(1) @binding(5) var<uniform> queues: array<Queue, 3>;
-// For `aim` alone, for `aim_head` alone, then for `meet` alone, which has as many storage buffers as WebGPU's default limits
-// allow.
+@group(1) @binding(5) var<uniform> queues: Queues;
+// For `aim` alone, for `aim_head` alone, then for `meet` and `shine`, of which `meet` has as many storage buffers as WebGPU's
+// default limits allow.
 @group(2) @binding(0) var<storage, read> seen: array<u32>;              // points
 @group(2) @binding(6) var<storage, read> head_places: array<HeadPlace>;
 @group(2) @binding(1) var<storage, read_write> hits: Hits;
@@ -181,7 +181,7 @@ fn aim_head(@builtin(global_invocation_id) id: vec3u) {
 @compute @workgroup_size(64)
 fn meet(@builtin(global_invocation_id) id: vec3u) {
     gather = gathers[id.z];
-    if (id.x >= queues[0].count) {
+    if (id.x >= queues.onward.count) {
         return;
     }
     let all = gather.count * gather.paths;
@@ -280,7 +280,7 @@ fn meet(@builtin(global_invocation_id) id: vec3u) {
 @compute @workgroup_size(64)
 fn shine(@builtin(global_invocation_id) id: vec3u) {
     gather = gathers[id.z];
-    if (id.x >= queues[2].count) {
+    if (id.x >= queues.open.count) {
         return;
     }
     let all = gather.count * gather.paths;

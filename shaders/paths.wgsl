@@ -22,6 +22,12 @@ struct Queue {
     count: u32,
 }
 
+struct Queues {
+    onward: Queue,      // paths that go on
+    shadows: Queue,     // rays to the lights that they draw
+    open: Queue,        // those of them that nothing stands in the way of
+}
+
 // A queue that grows.
 struct Growing {
     workgroups: atomic<u32>,

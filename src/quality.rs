@@ -11,8 +11,7 @@
 //!   among the settings.
 //! - transmittance: the noise of few rays, which pixels of many strands even out, and shadows finer than a segment.
 //! - multiple scattering: by the share of light that a fibre keeps alive; and the noise of the paths that gather it and the
-//!   sky, by how uneven the sky is
-//!   and how much light is narrow.
+//!   sky, by how uneven the sky is and how much of the light is narrow.
 //! - points: what a strand shows between its points, which pale hair evens out.
 //! - coverage: by samples, and less for wider strands.
 //! - skipping: `Renderer::negligible`.
@@ -150,12 +149,13 @@ impl Facts {
         let sum: f64 = fibres.iter().flat_map(albedo).sum();
         let albedo = sum / (3 * fibres.len()) as f64;
         let sky = &lights[lights.len().saturating_sub(ORDINATES)..];
-        let [mean, _] = moments(lights, BLUR);
+        let [mean, root] = moments(lights, BLUR);
         let [sky_mean, sky_root] = moments(sky, 0.0);
+        let contrast = if mean > 0.0 { root / mean } else { 1.0 };
         let mean = mean.max(f64::MIN_POSITIVE);
         let sky = (sky_root * sky_root - sky_mean * sky_mean).max(0.0).sqrt() / mean;
         let narrow = (1.0 - sky_mean / mean).clamp(0.0, 1.0);
-        Facts { contrast: contrast(lights), sky, narrow, albedo, width_px, multiple, integrator }
+        Facts { contrast, sky, narrow, albedo, width_px, multiple, integrator }
     }
 
     /// The error of a frame whose fit is `fit` off.
@@ -206,7 +206,7 @@ const MULTIPLE_ERROR: f64 = 0.025;
 const XU_MULTIPLE_ERROR: f64 = 0.3;
 /// Of the usual paths: under a sky that is off its mean by the mean of all light, and by narrow lights alone.
 const PATH_ERROR: [f64; 2] = [0.08, 0.12];
-/// Of hair that sends nothing on.
+/// Of hair that sends no light to other hair.
 const POINT_ERROR: f64 = 0.115;
 const MULTIPLE_POWER: f64 = 0.65;
 /// Of black hair of a tenth of a pixel at one sample.
@@ -408,12 +408,6 @@ impl Pick {
 
 /// Bandwidth by which hair blurs what it sees.
 const BLUR: f64 = 0.3;
-
-/// Root mean square over mean of what lights send, blurred, over directions and channels.
-fn contrast(lights: &[SrbfLight]) -> f64 {
-    let [mean, root] = moments(lights, BLUR);
-    if mean > 0.0 { root / mean } else { 1.0 }
-}
 
 /// Mean and root mean square over directions of what lights send, its channels together, blurred by this bandwidth.
 fn moments(lights: &[SrbfLight], blur: f64) -> [f64; 2] {

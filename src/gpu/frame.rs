@@ -1,5 +1,6 @@
 //! One frame: visibility → needed points → shading → resolve, pass by pass, and the background.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -236,8 +237,9 @@ pub struct Renderer {
     /// T̃ that is known, in place of what is traced.
     known: Option<Table>,
     light_count: u32,
-    /// What paths that escape see (`sky_map`).
-    sky_map: wgpu::TextureView,
+    /// What paths that escape see, and its table (`sky_map`), made for the first gather.
+    sky: Vec<SrbfLight>,
+    sky_map: OnceCell<wgpu::TextureView>,
     /// Of which the first are lamps.
     lamp_count: u32,
     /// Where light is, that other strands have scattered.
@@ -309,7 +311,8 @@ impl Renderer {
             traced: PointTransmittance::new(&gpu, stage),
             known: None,
             light_count: 0,
-            sky_map: float_texture(&gpu, "sky", [1, 1], &[Vec4::ZERO]),
+            sky: Vec::new(),
+            sky_map: OnceCell::new(),
             lamp_count: 0,
             field: None,
             field_overlap: 0.0,
@@ -483,13 +486,15 @@ impl Renderer {
 
     /// What finer passes draw where a look saw `points`.
     fn seen_again(&self, points: &[u32]) -> SeenAgain {
-        let mut seen = vec![false; self.points as usize];
-        points.iter().for_each(|&point| seen[point as usize] = true);
-        let nearest = self.nearest_known(|point| seen[point]);
-        let there = |first: u32| [0, 1].iter().all(|end| nearest[(first + end) as usize] != NONE);
-        let segments: Vec<u32> = self.drawn.iter().copied().filter(|&first| there(first)).collect();
-        let beside = (0..).zip(&nearest).filter(|&(point, &known)| known != NONE && known != point);
-        let fringe: Vec<[u32; 2]> = beside.map(|(point, &known)| [point, known]).collect();
+        let nearest = self.nearest_of(points);
+        let strand = |first: u32| self.strand_of[first as usize];
+        let there = |&first: &u32| {
+            strand(first).is_multiple_of(self.thinning)
+                && [first, first + 1].iter().all(|&end| nearest[end as usize] != NONE)
+        };
+        let segments: Vec<u32> = self.every_segment.iter().copied().filter(there).collect();
+        let beside = (0..).zip(&nearest).filter(|&(point, &seen)| seen != NONE && seen != point);
+        let fringe: Vec<[u32; 2]> = beside.map(|(point, &seen)| [point, seen]).collect();
         let device = &self.gpu.device;
         SeenAgain {
             ribbons: Ribbons::new(device, &segments, self.pieces),
@@ -498,17 +503,19 @@ impl Renderer {
         }
     }
 
-    /// The nearest point on its strand of each that is `known`, itself or within [`FRINGE`]; [`NONE`] where none is.
-    fn nearest_known(&self, known: impl Fn(usize) -> bool) -> Vec<u32> {
+    /// Of each point the nearest of `points` on its strand, itself or within [`FRINGE`]; [`NONE`] where none is.
+    fn nearest_of(&self, points: &[u32]) -> Vec<u32> {
         let strand = &self.strand_of;
-        let mut nearest: Vec<u32> =
-            (0..strand.len()).map(|p| if known(p) { p as u32 } else { NONE }).collect();
-        let first = nearest.clone();
-        for step in 1..=FRINGE {
-            for p in (0..strand.len()).filter(|&p| first[p] != NONE) {
+        let mut nearest = vec![NONE; strand.len()];
+        // Of two as near the first, in whatever order they were seen.
+        let mut points = points.to_vec();
+        points.sort_unstable();
+        for step in 0..=FRINGE {
+            for &point in &points {
+                let p = point as usize;
                 for q in [p.wrapping_sub(step), p + step] {
                     if nearest.get(q) == Some(&NONE) && strand[q] == strand[p] {
-                        nearest[q] = p as u32;
+                        nearest[q] = point;
                     }
                 }
             }
@@ -602,7 +609,7 @@ impl Renderer {
             strand_of: &self.strand_of,
             lights: &self.lights,
             light_count: self.light_count,
-            sky_map: &self.sky_map,
+            sky_map: self.sky_map.get_or_init(|| self.sky_texture()),
             lamp_count: self.lamp_count,
             painted: &self.painted,
             parts: parts.bits(),
@@ -697,10 +704,7 @@ impl Renderer {
             end += power / whole;
             (entry.chance, entry.end) = ((power / whole) as f32, end as f32);
         }
-        let ordinates = &lights[lights.len().saturating_sub(ORDINATES)..];
-        let sky = if sky.is_empty() { ordinates } else { sky };
-        self.sky_map =
-            float_texture(&self.gpu, "sky", [SIDE as u32; 2], &sky_texels(sky, ordinates));
+        (self.sky, self.sky_map) = (sky.to_vec(), OnceCell::new());
         self.lights = storage(&self.gpu.device, "lights", bytemuck::cast_slice(&entries));
         let had_lamps = self.lamp_count > 0;
         self.lamp_count = lamps.len() as u32;
@@ -709,6 +713,13 @@ impl Renderer {
         }
         let ordinates = if lights.len() >= ORDINATES { ORDINATES } else { 0 };
         self.to_trace = (lamps.to_vec(), lights.to_vec(), Rays::of(&powers, ordinates, rays));
+    }
+
+    fn sky_texture(&self) -> wgpu::TextureView {
+        let (_, lights, _) = &self.to_trace;
+        let ordinates = &lights[lights.len().saturating_sub(ORDINATES)..];
+        let sky = if self.sky.is_empty() { ordinates } else { &self.sky };
+        float_texture(&self.gpu, "sky", [SIDE as u32; 2], &sky_texels(sky, ordinates))
     }
 
     /// Traces what is not known yet of the lights at `points`: on the device, or by `host`. Segments with other points are
@@ -812,11 +823,10 @@ impl Renderer {
         self.known.as_ref().unwrap_or(&self.traced.table)
     }
 
-    /// Draws the segments of which T̃ is known at both ends, and those beside them.
+    /// Draws the segments of which T̃ is known at both ends.
     fn draw_known(&mut self) {
         let table = self.table();
-        let nearest = self.nearest_known(|point| table.has(point));
-        let known = |&first: &u32| [0, 1].iter().all(|end| nearest[(first + end) as usize] != NONE);
+        let known = |first: &u32| table.has(*first as usize) && table.has(*first as usize + 1);
         let segments = self.every_segment.iter().copied().filter(known).collect();
         self.draw_segments(self.pieces, segments);
     }
